@@ -1,0 +1,44 @@
+// harco: plan, generate and import markers, detect them.
+#include <cstdio>
+#include <exception>
+#include <string>
+
+#include <CLI/CLI.hpp>
+
+#include "harco/version.hpp"
+#include "verbs.hpp"
+
+namespace {
+
+constexpr int kBadInput = 2;
+
+/// Whatever is wrong becomes one line on standard error.
+int report(const std::string& what) {
+  std::string line = what.substr(0, what.find('\n'));
+  std::fprintf(stderr, "harco: %s\n", line.c_str());
+  return kBadInput;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"HArCo: hierarchical fiducial markers, from plan to pose"};
+  app.name("harco");
+  app.set_version_flag("--version", "harco " HARCO_VERSION);
+  app.require_subcommand(1);
+  harco::cli::add_plan(app);
+  harco::cli::add_generate(app);
+  harco::cli::add_import(app);
+  harco::cli::add_detect(app);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return app.exit(error);
+    return report(error.what());
+  } catch (const harco::cli::ExitStatus& exit) {
+    return exit.status;
+  } catch (const std::exception& error) {
+    return report(error.what());
+  }
+  return 0;
+}

@@ -1,0 +1,1 @@
+# Filled in by the install rules: headers, library, harcoConfig.cmake, harco.pc.

@@ -1,0 +1,112 @@
+// Image -> detections: which marker of the set is seen, and where (paper, section 3.4 a-c).
+#pragma once
+
+#include <array>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "harco/camera.hpp"
+#include "harco/image.hpp"
+#include "harco/marker.hpp"
+
+namespace harco {
+
+/// One marker seen in one image.
+struct Detection {
+  int parent = 0;  ///< id of the layer-1 marker that it belongs to
+  int layer = 1;
+  int id = 0;
+  int placed = 0;  ///< index into place(markers)
+
+  /// Corners of the marker's full square in pixels of the (distorted) image: top-left, top-right,
+  /// bottom-right, bottom-left of the upright marker.
+  std::array<Eigen::Vector2d, 4> corners{};
+
+  /// What is known of the corners' errors, in square pixels: from the noise of the edges that were
+  /// fitted, plus an allowance for what the fit can't see (blur of nearby ink).
+  std::array<Eigen::Matrix2d, 4> corner_covariance{};
+
+  int bit_errors = 0;      ///< corrected bits
+  double quality = 0.0;    ///< 0 … 1: how well the cells agree with the marker's own picture
+  bool tentative = false;  ///< more bits corrected than one frame alone can justify (track.hpp)
+};
+
+/// Every option has a default that just works.
+struct DetectorOptions {
+  /// Smallest side of a marker looked for, in pixels.
+  double min_side_px = 10.0;
+
+  /// Bits corrected in a code without other evidence; never more than half the dictionary's
+  /// distance allows. A marker whose place is confirmed by its parent, sibling or child may have
+  /// one more.
+  int max_bit_errors = 1;
+
+  /// Detections below this quality are dropped (the paper's kappa).
+  double min_quality = 0.7;
+
+  /// The paper's a (section 3.4 c): codes with up to so many wrong bits, beyond max_bit_errors, are
+  /// returned as tentative for `Memory` to confirm. 0: none are.
+  int tentative_bit_errors = 0;
+
+  /// Lens of the images. With it, edges are fitted where they are straight; without it,
+  /// the image is taken to be free of distortion.
+  std::optional<Camera> camera;
+};
+
+/// Why a quad was not a marker.
+enum class Rejection {
+  none,         ///< it was one
+  ring,         ///< its border cells are neither all black nor all white
+  contrast,     ///< no contrast between its black and white
+  edges,        ///< no straight edges found along its sides
+  shape,        ///< too small or not convex after the edges were fitted
+  code,         ///< no code of the set is near enough
+  quality,      ///< the cells don't look like the marker that the code names
+  duplicate,    ///< another quad gave the same marker better
+  inconsistent  ///< it contradicts better evidence for the same marker
+};
+const char* to_string(Rejection rejection);
+
+/// One quad on its way through the detector.
+struct Candidate {
+  std::array<Eigen::Vector2d, 4> corners{};
+  bool hole = false;  ///< a bright region inside dark (how children show); else dark inside bright
+  Rejection rejection = Rejection::none;
+  int placed = -1;   ///< the marker that it was taken for, if any
+  std::string note;  ///< what was measured, in words
+};
+
+/// What every stage of one detection saw. Filling it costs time; it is meant for looking at.
+struct DetectionTrace {
+  std::vector<Image> binary;                           ///< one per threshold
+  std::vector<std::vector<Eigen::Vector2d>> contours;  ///< closed outlines long enough to matter
+  std::vector<Candidate> candidates;
+};
+
+/// Finds the markers of one set. It owns its scratch memory: use one a thread.
+class Detector {
+ public:
+  /// Throws std::invalid_argument for an impossible set (see validate) or option.
+  explicit Detector(MarkerSet markers, DetectorOptions options = {});
+  ~Detector();
+  Detector(Detector&&) noexcept;
+  Detector& operator=(Detector&&) noexcept;
+
+  /// The markers in one image, in the order of the set; empty if there are none. Throws
+  /// std::invalid_argument for an empty view, or one whose size is not the camera's.
+  std::vector<Detection> detect(const ImageView& image, DetectionTrace* trace = nullptr);
+
+  const MarkerSet& markers() const;
+  const std::vector<PlacedMarker>& placed() const;
+  const DetectorOptions& options() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace harco

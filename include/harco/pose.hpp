@@ -1,0 +1,72 @@
+// Detections -> poses: where the parents stand before the camera (paper, section 3.4 d).
+#pragma once
+
+#include <array>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "harco/camera.hpp"
+#include "harco/detect.hpp"
+#include "harco/image.hpp"
+#include "harco/marker.hpp"
+
+namespace harco {
+
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
+/// How several markers of one parent become one pose.
+enum class Fusion {
+  joint,  ///< the best that we have: one solution over everything seen of a parent
+  paper   ///< the paper's: every marker's homography pose, averaged by its area in the image
+};
+
+/// Pose of one parent.
+struct Pose {
+  int parent = 0;  ///< id
+  Eigen::Isometry3d camera_T_marker = Eigen::Isometry3d::Identity();
+
+  /// Covariance of (dt, w) with t_true = t + dt in the camera frame (metres) and
+  /// R_true = R Exp(w) (radians, marker side). Empty where unknown.
+  std::optional<Matrix6d> covariance;
+
+  double rms_px = 0.0;          ///< root mean square of the residuals' coordinates
+  int markers = 0;              ///< how many markers it was made from
+  std::vector<int> detections;  ///< their indices in the list given
+
+  /// The second solution of a plane's pose where the image doesn't exclude it.
+  std::optional<Eigen::Isometry3d> alternative;
+};
+
+struct PoseOptions {
+  Fusion fusion = Fusion::joint;
+};
+
+/// Poses of all parents that are seen, best evidence first; a parent seen twice has two. Empty
+/// without detections. Throws std::invalid_argument if the detections are not of this set, or the
+/// image's size is not the camera's.
+std::vector<Pose> estimate_poses(const ImageView& image, const std::vector<Detection>& detections,
+                                 const MarkerSet& markers, const Camera& camera,
+                                 const PoseOptions& options = {});
+
+/// Both poses of a square seen in a plane, better one first, with their reprojection errors
+/// (root mean square, in units of the normalised image). Method: infinitesimal plane-based pose
+/// (Collins and Bartoli 2014).
+struct PlanarPoses {
+  std::array<Eigen::Isometry3d, 2> camera_T_plane;
+  std::array<double, 2> rms{};
+};
+
+/// `plane_points` lie in z = 0; `normalised_points` are undistorted image points (X/Z, Y/Z). At
+/// least four, not all on a line; otherwise std::invalid_argument.
+PlanarPoses solve_planar_pose(const std::vector<Eigen::Vector2d>& plane_points,
+                              const std::vector<Eigen::Vector2d>& normalised_points);
+
+/// Homography H with image ~ H * plane for at least four correspondences (normalised DLT). Throws
+/// std::invalid_argument for degenerate input.
+Eigen::Matrix3d fit_homography(const std::vector<Eigen::Vector2d>& plane_points,
+                               const std::vector<Eigen::Vector2d>& image_points);
+
+}  // namespace harco

@@ -1,0 +1,54 @@
+// What the paper does with time (section 3.4 c and d). A frame without a past needs none of this.
+#pragma once
+
+#include <deque>
+#include <vector>
+
+#include "harco/detect.hpp"
+#include "harco/pose.hpp"
+
+namespace harco {
+
+/// The rule of a, b, c: a code with up to `a` wrong bits is believed if its marker was seen in more
+/// than `b` of the last `c` frames.
+struct MemoryOptions {
+  int a = 3;
+  int b = 3;
+  int c = 10;
+};
+
+/// Remembers which markers were seen in the last frames and confirms tentative detections. Give the
+/// detector tentative_bit_errors = a.
+class Memory {
+ public:
+  explicit Memory(const MemoryOptions& options = {});
+
+  /// The detections of the next frame without those that the past doesn't confirm.
+  std::vector<Detection> confirm(const std::vector<Detection>& detections);
+
+ private:
+  MemoryOptions options_;
+  std::deque<std::vector<int>> seen_;  ///< placed indices, one entry a frame, newest last
+};
+
+/// First-order low-pass on poses, parent by parent: the filter that ends Algorithm 2.
+class LowPass {
+ public:
+  /// `time_constant_s` 0 lets every pose through as it is.
+  explicit LowPass(double time_constant_s = 0.1);
+
+  /// Filters the poses of one frame, taken at `time_s`. A parent not seen for longer than ten time
+  /// constants starts anew. Filtered poses carry no covariance: their errors are not independent.
+  std::vector<Pose> filter(const std::vector<Pose>& poses, double time_s);
+
+ private:
+  struct State {
+    int parent;
+    double time_s;
+    Eigen::Isometry3d camera_T_marker;
+  };
+  double time_constant_s_;
+  std::vector<State> states_;
+};
+
+}  // namespace harco
