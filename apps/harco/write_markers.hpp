@@ -1,0 +1,45 @@
+// The files that `generate` and `import` leave behind, and the options that shape them.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "harco/draw.hpp"
+#include "harco/marker.hpp"
+
+namespace CLI {
+class App;
+}
+
+namespace harco::cli {
+
+/// What the user may say about lines and drawings.
+struct DrawingOptions {
+  std::string line = "harco";  ///< named widths: harco, paper
+  double line_inside = -1.0;   ///< replaces that of the named choice unless negative
+  double line_outside = -1.0;
+  std::string page = "fit";
+  double overlap_mm = 10.0;
+  RasterOptions raster;
+};
+
+/// --line, --line-inside, --line-outside, --page, --overlap, --pixels-per-cell, --max-pixels.
+/// `options` must live as long as `verb`.
+void add_drawing_options(CLI::App& verb, DrawingOptions& options);
+
+/// The line width that the options ask for.
+LineWidth line_width(const DrawingOptions& options);
+
+/// Checks that `folder` can be written to (it need not exist), so that a long search isn't in
+/// vain. Throws Error.
+void check_writable(const std::filesystem::path& folder);
+
+/// Writes markers.json and, for every parent, marker-ID.svg, marker-ID.pdf, marker-ID.png and
+/// marker-ID.png.json into `folder`, which is made if need be. All files are there or, after an
+/// exception, none. Says on standard error what may go wrong on paper, and shows there how far it
+/// is if that is a terminal. Throws Error or std::invalid_argument.
+void write_markers(const MarkerSet& markers, const std::filesystem::path& folder,
+                   const DrawingOptions& options);
+
+}  // namespace harco::cli
