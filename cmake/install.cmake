@@ -1,1 +1,76 @@
-# Filled in by the install rules: headers, library, harcoConfig.cmake, harco.pc.
+# What is installed, in three components: `library` (what programs need at run time),
+# `development` (what they are built with) and `command`.
+include(CMakePackageConfigHelpers)
+
+set(config_dir ${CMAKE_INSTALL_LIBDIR}/cmake/harco)
+
+install(TARGETS harco EXPORT harcoTargets
+  LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT library NAMELINK_COMPONENT development
+  ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/harco
+  DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT development FILES_MATCHING PATTERN *.hpp)
+install(FILES ${PROJECT_BINARY_DIR}/include/harco/version.hpp
+  DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/harco COMPONENT development)
+
+# find_package(harco)
+install(EXPORT harcoTargets NAMESPACE harco::
+  DESTINATION ${config_dir} COMPONENT development)
+configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/harcoConfig.cmake.in
+  ${PROJECT_BINARY_DIR}/harcoConfig.cmake INSTALL_DESTINATION ${config_dir}
+  NO_SET_AND_CHECK_MACRO)
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/harcoConfigVersion.cmake
+  COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/harcoConfig.cmake ${PROJECT_BINARY_DIR}/harcoConfigVersion.cmake
+  DESTINATION ${config_dir} COMPONENT development)
+
+# pkg-config. Who links the static library links what is inside of it as well; the shared one brings
+# it along.
+if(BUILD_SHARED_LIBS)
+  set(pc_requires "eigen3")
+  set(pc_requires_private "yaml-cpp")
+else()
+  set(pc_requires "eigen3, yaml-cpp")
+  set(pc_requires_private "")
+endif()
+file(RELATIVE_PATH pc_prefix /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
+string(REGEX REPLACE "/$" "" pc_prefix ${pc_prefix})
+configure_file(${CMAKE_CURRENT_LIST_DIR}/harco.pc.in ${PROJECT_BINARY_DIR}/harco.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/harco.pc
+  DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
+
+# The command, and beside the libraries the module that it loads when it needs OpenCV.
+file(RELATIVE_PATH libraries_from_bin /${CMAKE_INSTALL_BINDIR} /${CMAKE_INSTALL_LIBDIR})
+if(TARGET harco_command)
+  set_target_properties(harco_command PROPERTIES INSTALL_RPATH $ORIGIN/${libraries_from_bin})
+  install(TARGETS harco_command RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT command)
+endif()
+if(TARGET harco_opencv)
+  set_target_properties(harco_opencv PROPERTIES INSTALL_RPATH $ORIGIN/..)
+  install(TARGETS harco_opencv
+    LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/harco COMPONENT command)
+endif()
+
+# `cpack` makes Debian packages.
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_CONTACT "HArCo developers")
+set(CPACK_RESOURCE_FILE_LICENSE ${PROJECT_SOURCE_DIR}/LICENSE)
+set(CPACK_COMPONENTS_ALL development command)
+if(BUILD_SHARED_LIBS)
+  list(PREPEND CPACK_COMPONENTS_ALL library)
+  set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libharco0 (= ${PROJECT_VERSION}), libeigen3-dev")
+  set(CPACK_DEBIAN_COMMAND_PACKAGE_DEPENDS "libharco0 (= ${PROJECT_VERSION})")
+else()
+  set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libeigen3-dev, libyaml-cpp-dev")
+endif()
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_DEBIAN_ENABLE_COMPONENT_DEPENDS OFF)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${PROJECT_BINARY_DIR}/src)
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_NAME libharco0)
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_SECTION libs)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libharco-dev)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_COMMAND_PACKAGE_NAME harco)
+set(CPACK_DEBIAN_COMMAND_PACKAGE_SECTION utils)
+include(CPack)

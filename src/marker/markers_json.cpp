@@ -101,9 +101,9 @@ Json coordinate(double value) {
 
 }  // namespace
 
-MarkerSet parse_markers(const std::string& text, const std::string& name) {
+MarkerSet parse_markers(const std::string& json, const std::string& name) {
   try {
-    MarkerSet set = read_set(Json::parse(text));
+    MarkerSet set = read_set(Json::parse(json));
     validate(set);
     return set;
   } catch (const Json::parse_error& error) {
