@@ -67,8 +67,16 @@ struct DictionaryOptions {
 
   /// Parents whose codes stand already, such as another family's; their n may be another. If any,
   /// they are taken instead of `parents` new ones, and each has children in those of
-  /// child_cells[0] that are white in its code.
+  /// child_cells[0] that are white in its code, or in its own list of given_child_cells.
   std::vector<Code> given_parents;
+
+  /// For every given parent the white cells of it that hold children; child_cells[0] is not looked
+  /// at then. Empty: see given_parents.
+  std::vector<std::vector<int>> given_child_cells;
+
+  /// Cells that are white in every child of every layer, beside those that hold children. Detectors
+  /// that look at a parent's cell in its centre only, such as AprilTag's, read white there.
+  std::vector<int> white_cells;
 
   std::optional<BlackRange> child_black;   ///< default_child_black(cells) unless given
   std::optional<BlackRange> parent_black;  ///< default_parent_black(cells) unless given
@@ -105,7 +113,8 @@ struct Dictionary {
   /// of the layer above in the order of its cells, then those of its second, and so on.
   std::vector<std::vector<Code>> children;
 
-  std::vector<std::vector<int>> child_cells;  ///< as in the options
+  std::vector<std::vector<int>> child_cells;        ///< as in the options
+  std::vector<std::vector<int>> given_child_cells;  ///< as in the options
 
   int parent_distance = 0;                    ///< tau of D_F; of given parents, too
   int child_distance = 0;                     ///< tau of D_C; 0 without children
