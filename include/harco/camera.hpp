@@ -17,7 +17,7 @@ namespace harco {
 
 enum class LensModel {
   brown_conrady,  ///< k1 k2 p1 p2 [k3 [k4 k5 k6]], OpenCV's order; all zero is an ideal pinhole
-  equidistant     ///< k1 k2 k3 k4 of Kannala-Brandt, OpenCV's fisheye
+  equidistant     ///< k1 k2 k3 k4 of Kannala-Brandt, OpenCV's fisheye; rays up to 90 degrees
 };
 
 struct Camera {
@@ -33,12 +33,17 @@ struct Camera {
   bool has_distortion() const;
   Eigen::Matrix3d matrix() const;
 
-  /// Normalised -> distorted normalised, with the 2 x 2 Jacobian if asked for.
+  /// Normalised -> distorted normalised, with the 2 x 2 Jacobian if asked for. The bare formula: it
+  /// answers beyond the lens's monotonic range as well, where it means nothing.
   Eigen::Vector2d distort(const Eigen::Vector2d& normalised,
                           Eigen::Matrix2d* jacobian = nullptr) const;
 
-  /// The inverse, by Newton's method with the analytic Jacobian. Empty where the model can't be
-  /// inverted (outside the lens's monotonic range).
+  /// Whether the model can be trusted at a normalised point: from the centre out to there, a ray
+  /// farther out is seen farther out (the lens's monotonic range).
+  bool in_range(const Eigen::Vector2d& normalised) const;
+
+  /// The inverse of distort, by Newton's method with the analytic Jacobian. Empty where the model
+  /// can't be inverted: nothing in the lens's monotonic range is seen there.
   std::optional<Eigen::Vector2d> undistort(const Eigen::Vector2d& distorted,
                                            Eigen::Matrix2d* jacobian = nullptr) const;
 
@@ -56,19 +61,16 @@ struct Camera {
   /// of the world are straight there.
   std::optional<Eigen::Vector2d> to_ideal(const Eigen::Vector2d& pixel) const;
   std::optional<Eigen::Vector2d> from_ideal(const Eigen::Vector2d& ideal_pixel) const;
-
- private:
-  double monotonic_radius() const;
 };
 
-/// Throws std::invalid_argument, naming the field, for a size or focal length that is not positive
-/// or a value that is not finite.
+/// Throws std::invalid_argument, naming the field, for a size or focal length that is not positive,
+/// a value that is not finite, or a coefficient that the lens model doesn't have.
 void validate(const Camera& camera);
 
 /// Reads an OpenCV FileStorage YAML or a ROS camera_info YAML: image_width, image_height,
-/// camera_matrix, distortion_coefficients (none means no distortion; 4, 5 or 8 values),
-/// distortion_model (equidistant or fisheye selects the fisheye; so does OpenCV's `fisheye: 1`).
-/// Throws Error.
+/// camera_matrix, distortion_coefficients (none means no distortion; 4, 5 or 8 values, or 12 or 14
+/// of which the last are zero), distortion_model (equidistant or fisheye selects the fisheye; so
+/// does OpenCV's `fisheye_model: 1`). Throws Error.
 Camera load_camera(const std::filesystem::path& file);
 
 /// The text form of the same, and back. parse_camera throws Error; `name` stands in its message.
