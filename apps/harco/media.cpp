@@ -5,7 +5,7 @@
 namespace harco::cli {
 
 const Media& media() {
-  static const Media& instance = opencv_function<const Media&()>("harco_opencv_media")();
+  static const Media& instance = *opencv_function<const Media*()>("harco_opencv_media")();
   return instance;
 }
 

@@ -88,6 +88,10 @@ class Media {
   virtual std::unique_ptr<VideoWriter> create_video(const std::string& file, int width, int height,
                                                     double frames_per_second) const = 0;
 
+  /// The bytes of a picture file; `ending` names the format (".png", ".jpg"). Throws Error.
+  virtual std::vector<std::uint8_t> encode(const ColourImage& picture,
+                                           const std::string& ending) const = 0;
+
   virtual void draw(const Overlay& overlay, ColourImage& picture) const = 0;
 
   /// The picture, `factor` times as large, each pixel a square.

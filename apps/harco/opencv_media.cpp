@@ -163,6 +163,18 @@ class OpencvMedia : public Media {
     return std::make_unique<OpencvVideoWriter>(std::move(writer), file, width, height);
   }
 
+  std::vector<std::uint8_t> encode(const ColourImage& picture,
+                                   const std::string& ending) const override {
+    std::vector<std::uint8_t> bytes;
+    bool encoded = false;
+    try {
+      encoded = cv::imencode(ending, view(picture), bytes);
+    } catch (const cv::Exception&) {
+    }
+    if (!encoded) throw Error("'" + ending + "': no picture format that can be written");
+    return bytes;
+  }
+
   void draw(const Overlay& overlay, ColourImage& picture) const override {
     cv::Mat canvas = view(picture);
     for (const Stroke& stroke : overlay.strokes) draw_stroke(stroke, canvas);
@@ -220,9 +232,9 @@ class OpencvMedia : public Media {
 
 }  // namespace
 
-HARCO_OPENCV_EXPORT const Media& harco_opencv_media() {
+HARCO_OPENCV_EXPORT const Media* harco_opencv_media() {
   static const OpencvMedia instance;
-  return instance;
+  return &instance;
 }
 
 }  // namespace harco::cli
