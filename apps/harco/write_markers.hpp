@@ -2,8 +2,8 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
-#include <vector>
 
 #include "harco/draw.hpp"
 #include "harco/marker.hpp"
@@ -16,9 +16,9 @@ namespace harco::cli {
 
 /// What the user may say about lines and drawings.
 struct DrawingOptions {
-  std::string line = "harco";  ///< named widths: harco, paper
-  double line_inside = -1.0;   ///< replaces that of the named choice unless negative
-  double line_outside = -1.0;
+  std::string line = "harco";         ///< named widths: harco, paper
+  std::optional<double> line_inside;  ///< in place of that of the named choice
+  std::optional<double> line_outside;
   std::string page = "fit";
   double overlap_mm = 10.0;
   RasterOptions raster;
@@ -37,8 +37,9 @@ void check_writable(const std::filesystem::path& folder);
 
 /// Writes markers.json and, for every parent, marker-ID.svg, marker-ID.pdf, marker-ID.png and
 /// marker-ID.png.json into `folder`, which is made if need be. All files are there or, after an
-/// exception, none. Says on standard error what may go wrong on paper, and shows there how far it
-/// is if that is a terminal. Throws Error or std::invalid_argument.
+/// exception, none. Names on standard output what it has written and on standard error what may go
+/// wrong on paper; shows there how far it is if that is a terminal. Throws Error or
+/// std::invalid_argument.
 void write_markers(const MarkerSet& markers, const std::filesystem::path& folder,
                    const DrawingOptions& options);
 

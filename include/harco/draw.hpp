@@ -19,17 +19,17 @@ namespace harco {
 // --- Raster ---------------------------------------------------------------------------------
 
 struct RasterOptions {
-  int pixels_per_cell =
-      0;                   ///< side of the marker's smallest cell; 0 chooses the smallest exact one
-  int min_size_px = 1000;  ///< least width of the image, where the choice is free
-  int max_size_px = 16384;  ///< greatest width of the image; it has this number squared in bytes
+  /// Side of the marker's smallest cell; 0 chooses the smallest that makes every line whole.
+  int pixels_per_cell = 0;
+  int min_size_px = 1000;   ///< least width of the image, where pixels_per_cell is free
+  int max_size_px = 16384;  ///< greatest width of the image, whose square it takes in bytes
 };
 
 /// A parent with its quiet zone in which every cell and every line is a whole number of pixels.
 struct Raster {
   Image image;  ///< 0 black, 255 white, nothing between
-  Eigen::Vector2i
-      origin_px;  ///< pixels left of and above the black square, whose first they precede
+  /// Pixel edge of the black square's top-left corner: the square's first pixel starts there.
+  Eigen::Vector2i origin_px;
   double pixels_per_metre = 0.0;  ///< times the side: a whole number (of pixels)
   LineWidth line;                 ///< as drawn: what was asked for, rounded to whole pixels
 };
