@@ -1,0 +1,101 @@
+#include "plan_report.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+namespace harco::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// What the user runs next: only what differs from generate's own defaults is said.
+std::string generate_command(const PlanRequest& request, const Plan& plan) {
+  std::string command = fmt::format("harco generate --layers {} --parents 1 --side {} --out marker",
+                                    plan.layers.size(), plan.side_m);
+  if (request.cells != PlanRequest{}.cells) command += fmt::format(" --cells {}", request.cells);
+  if (plan.layers.size() > 1) {
+    const LineWidth standard;
+    if (request.line.inside != standard.inside)
+      command += fmt::format(" --line-inside {}", request.line.inside);
+    if (request.line.outside != standard.outside)
+      command += fmt::format(" --line-outside {}", request.line.outside);
+  }
+  return command;
+}
+
+std::string row(const PlanLayer& layer) {
+  const auto text = [](const std::optional<double>& value, double scale, int digits,
+                       const char* unit) {
+    return value ? significant(scale * *value, digits) + unit : std::string("-");
+  };
+  return fmt::format("{:>5}  {:>10}  {:>9} to {:>8}  {:>9}  {:>8}  {:>6}  {:>9}\n", layer.layer,
+                     significant(layer.side_m, 4) + " m", significant(layer.nearest_m, 3) + " m",
+                     significant(layer.farthest_m, 3) + " m", text(layer.overlap, 1.0, 3, " x"),
+                     significant(layer.farthest_cell_px, 3) + " px",
+                     text(layer.white_share, 100.0, 2, " %"), text(layer.line_mm, 1.0, 3, " mm"));
+}
+
+Json number_or_null(const std::optional<double>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
+
+}  // namespace
+
+std::string significant(double value, int digits) {
+  const int magnitude = value > 0.0 ? static_cast<int>(std::floor(std::log10(value))) : 0;
+  return fmt::format("{:.{}f}", value, std::clamp(digits - 1 - magnitude, 0, 12));
+}
+
+std::string plan_table(const PlanRequest& request, const Plan& plan) {
+  std::string table = fmt::format(
+      "{} of {} x {} cells, side {} m, for {} m to {} m\n\n",
+      plan.layers.size() == 1 ? "1 layer" : fmt::format("{} layers", plan.layers.size()),
+      request.cells, request.cells, plan.side_m, significant(request.nearest_m, 3),
+      significant(request.farthest_m, 3));
+  table += fmt::format("{:>5}  {:>10}  {:>21}  {:>9}  {:>8}  {:>6}  {:>9}\n", "layer", "side",
+                       "serves from ... to", "overlap", "cell at", "white", "line");
+  table += fmt::format("{:>5}  {:>10}  {:>21}  {:>9}  {:>8}  {:>6}  {:>9}\n", "", "", "",
+                       "with next", "farthest", "share", "width");
+  for (const PlanLayer& layer : plan.layers) table += row(layer);
+  if (!plan.warnings.empty()) table += "\n";
+  for (const PlanWarning& warning : plan.warnings)
+    table += fmt::format("{}: {}\n", to_string(warning.severity), warning.text);
+  return table + "\nNext:\n  " + generate_command(request, plan) + "\n";
+}
+
+std::string plan_json(const PlanRequest& request, const Plan& plan) {
+  Json json;
+  json["nearest_m"] = request.nearest_m;
+  json["farthest_m"] = request.farthest_m;
+  json["side_m"] = plan.side_m;
+  json["needed_side_m"] = plan.needed_side_m;
+  json["cells"] = request.cells;
+  json["line"] = {{"inside", request.line.inside}, {"outside", request.line.outside}};
+  json["most_black_cells"] = plan.most_black;
+  json["most_children"] = plan.most_children;
+  json["layers"] = Json::array();
+  for (const PlanLayer& layer : plan.layers)
+    json["layers"].push_back({{"layer", layer.layer},
+                              {"side_m", layer.side_m},
+                              {"nearest_m", layer.nearest_m},
+                              {"farthest_m", layer.farthest_m},
+                              {"nearest_side_px", layer.nearest_side_px},
+                              {"farthest_side_px", layer.farthest_side_px},
+                              {"farthest_cell_px", layer.farthest_cell_px},
+                              {"overlap", number_or_null(layer.overlap)},
+                              {"white_share", number_or_null(layer.white_share)},
+                              {"line_mm", number_or_null(layer.line_mm)}});
+  json["warnings"] = Json::array();
+  for (const PlanWarning& warning : plan.warnings)
+    json["warnings"].push_back({{"concern", to_string(warning.concern)},
+                                {"severity", to_string(warning.severity)},
+                                {"text", warning.text}});
+  json["command"] = generate_command(request, plan);
+  return json.dump(1) + "\n";
+}
+
+}  // namespace harco::cli
