@@ -1,0 +1,209 @@
+#include "detect/cells.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+
+#include "detect/sample.hpp"
+
+namespace harco::detect {
+namespace {
+
+constexpr double kMinContrast = 8.0;  // grey levels
+
+/// A grey level that changes evenly over the marker: a + b x + c y.
+struct Plane {
+  Eigen::Vector3d coefficients = Eigen::Vector3d::Zero();
+  double operator()(double x, double y) const {
+    return coefficients.dot(Eigen::Vector3d(1.0, x, y));
+  }
+};
+
+class PlaneFit {
+ public:
+  void add(double x, double y, double value) {
+    const Eigen::Vector3d row(1.0, x, y);
+    normal_ += row * row.transpose();
+    right_ += row * value;
+  }
+  Plane solve() const { return {normal_.inverse() * right_}; }
+
+ private:
+  Eigen::Matrix3d normal_ = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right_ = Eigen::Vector3d::Zero();
+};
+
+bool on_ring(int row, int column, int m) {
+  return row == 0 || column == 0 || row == m - 1 || column == m - 1;
+}
+
+/// Blur mixes every cell with its neighbours; taking the same share of them off again sharpens.
+/// `share` is what a cell gives to each of the two neighbours along a row or a column.
+void unmix(std::vector<double>& values, int m, double share) {
+  const double gain = share / (1.0 - 2.0 * share);
+  std::vector<double> once = values;
+  const auto at = [m](const std::vector<double>& v, int row, int column) {
+    return v[static_cast<std::size_t>(std::clamp(row, 0, m - 1) * m +
+                                      std::clamp(column, 0, m - 1))];
+  };
+  for (int row = 0; row < m; ++row)
+    for (int column = 0; column < m; ++column)
+      once[static_cast<std::size_t>(row * m + column)] +=
+          gain * (2.0 * at(values, row, column) - at(values, row, column - 1) -
+                  at(values, row, column + 1));
+  values = once;
+  for (int row = 0; row < m; ++row)
+    for (int column = 0; column < m; ++column)
+      values[static_cast<std::size_t>(row * m + column)] +=
+          gain *
+          (2.0 * at(once, row, column) - at(once, row - 1, column) - at(once, row + 1, column));
+}
+
+}  // namespace
+
+std::optional<CellGrid> read_cells(const ImageView& image, const Lens& lens,
+                                   const Eigen::Matrix3d& image_H_cells, int n, double cell_px,
+                                   bool child, int least_black) {
+  const auto grey_at = [&](double x, double y) -> std::optional<double> {
+    const Eigen::Vector3d h = image_H_cells * Eigen::Vector3d(x, y, 1.0);
+    const auto pixel = lens.from_ideal(h.hnormalized());
+    return pixel ? sample(image, pixel->x(), pixel->y()) : std::nullopt;
+  };
+  // Points within a cell, kept away from its borders.
+  const int across = cell_px < 3.0 ? 1 : cell_px < 8.0 ? 2 : cell_px < 24.0 ? 3 : 5;
+  const double spread = 0.5;
+  const auto cell_mean = [&](int row, int column) -> std::optional<double> {
+    double sum = 0.0;
+    for (int i = 0; i < across; ++i)
+      for (int j = 0; j < across; ++j) {
+        const double dx = across == 1 ? 0.0 : spread * (j / (across - 1.0) - 0.5);
+        const double dy = across == 1 ? 0.0 : spread * (i / (across - 1.0) - 0.5);
+        const auto grey = grey_at(column + 0.5 + dx, row + 0.5 + dy);
+        if (!grey) return std::nullopt;
+        sum += *grey;
+      }
+    return sum / (across * across);
+  };
+
+  const int m = n + 2;
+  CellGrid grid;
+  grid.cells = n;
+  grid.values.resize(static_cast<std::size_t>(m * m));
+  PlaneFit ring;
+  for (int row = 0; row < m; ++row)
+    for (int column = 0; column < m; ++column) {
+      const auto mean = cell_mean(row, column);
+      if (!mean) return std::nullopt;
+      grid.values[static_cast<std::size_t>(row * m + column)] = *mean;
+      if (on_ring(row, column, m)) ring.add(column, row, *mean);
+    }
+  // Standard deviation of blur, the pixel's square and the interpolation together.
+  constexpr double kBlur = 0.78;
+  const double share = 0.5 * (1.0 - std::erf(cell_px / (2.0 * std::sqrt(2.0) * kBlur)));
+  unmix(grid.values, m, std::min(share, 0.2));
+
+  const Plane ring_level = ring.solve();
+  if (child) {
+    // White comes from the ring; black is the darkest that the code is sure to hold.
+    std::vector<double> ratios;
+    for (int row = 0; row < m; ++row)
+      for (int column = 0; column < m; ++column) {
+        double& value = grid.values[static_cast<std::size_t>(row * m + column)];
+        const double white = std::max(1.0, ring_level(column, row));
+        value /= white;
+        if (!on_ring(row, column, m)) ratios.push_back(value);
+      }
+    const int darkest = std::clamp(least_black, 1, n * n);
+    std::partial_sort(ratios.begin(), ratios.begin() + darkest, ratios.end());
+    double black = 0.0;
+    for (int i = 0; i < darkest; ++i) black += ratios[static_cast<std::size_t>(i)] / darkest;
+    grid.contrast = (1.0 - black) * ring_level(0.5 * (m - 1), 0.5 * (m - 1));
+    if (grid.contrast < kMinContrast) return grid;
+    for (double& value : grid.values) value = (value - black) / (1.0 - black);
+    return grid;
+  }
+  // White is the paper just outside of the black ring, where the image shows it.
+  PlaneFit paper;
+  int seen = 0;
+  for (int i = 0; i < m; ++i) {
+    const double along = i + 0.5;
+    for (const auto& [x, y] : std::array<std::pair<double, double>, 4>{
+             {{along, -0.5}, {along, m + 0.5}, {-0.5, along}, {m + 0.5, along}}})
+      if (const auto grey = grey_at(x, y)) {
+        paper.add(x - 0.5, y - 0.5, *grey);
+        ++seen;
+      }
+  }
+  if (seen < 2 * m) return std::nullopt;
+  const Plane paper_level = paper.solve();
+  const double middle = 0.5 * (m - 1);
+  grid.contrast = paper_level(middle, middle) - ring_level(middle, middle);
+  if (grid.contrast < kMinContrast) return grid;
+  for (int row = 0; row < m; ++row)
+    for (int column = 0; column < m; ++column) {
+      double& value = grid.values[static_cast<std::size_t>(row * m + column)];
+      const double black = ring_level(column, row);
+      value = (value - black) / std::max(kMinContrast, paper_level(column, row) - black);
+    }
+  return grid;
+}
+
+int wrong_ring_cells(const CellGrid& grid, bool child) {
+  const int m = grid.cells + 2;
+  int wrong = 0;
+  for (int row = 0; row < m; ++row)
+    for (int column = 0; column < m; ++column)
+      if (on_ring(row, column, m))
+        wrong += (grid.values[static_cast<std::size_t>(row * m + column)] > 0.5) != child;
+  return wrong;
+}
+
+std::uint64_t read_bits(const CellGrid& grid, double white_level) {
+  const int n = grid.cells;
+  const int m = n + 2;
+  std::uint64_t bits = 0;
+  for (int row = 0; row < n; ++row)
+    for (int column = 0; column < n; ++column)
+      if (grid.values[static_cast<std::size_t>((row + 1) * m + column + 1)] >= white_level)
+        bits |= std::uint64_t{1} << (row * n + column);
+  return bits;
+}
+
+double agreement(const CellGrid& grid, const std::vector<double>& predicted, int turns) {
+  const int m = grid.cells + 2;
+  double sum_a = 0.0;
+  double sum_b = 0.0;
+  double sum_aa = 0.0;
+  double sum_bb = 0.0;
+  double sum_ab = 0.0;
+  for (int row = 0; row < m; ++row)
+    for (int column = 0; column < m; ++column) {
+      // Cell (row, column) of the marker as seen is this cell of the upright one.
+      int r = row;
+      int c = column;
+      for (int k = 0; k < turns; ++k) {
+        const int upright_r = m - 1 - c;
+        c = r;
+        r = upright_r;
+      }
+      const double a =
+          std::clamp(grid.values[static_cast<std::size_t>(row * m + column)], -0.3, 1.3);
+      const double b = predicted[static_cast<std::size_t>(r * m + c)];
+      sum_a += a;
+      sum_b += b;
+      sum_aa += a * a;
+      sum_bb += b * b;
+      sum_ab += a * b;
+    }
+  const double count = m * m;
+  const double var_a = sum_aa - sum_a * sum_a / count;
+  const double var_b = sum_bb - sum_b * sum_b / count;
+  if (var_a <= 0.0 || var_b <= 0.0) return 0.0;
+  return std::clamp((sum_ab - sum_a * sum_b / count) / std::sqrt(var_a * var_b), 0.0, 1.0);
+}
+
+}  // namespace harco::detect

@@ -1,0 +1,40 @@
+// Fifth stage: what stands in the cells of a quad.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "detect/lens.hpp"
+#include "harco/image.hpp"
+
+namespace harco::detect {
+
+/// The cells of a quad that may be a marker, border ring included.
+struct CellGrid {
+  int cells = 0;               ///< n
+  std::vector<double> values;  ///< (n+2)^2 values, row-first, 0 black … 1 white
+  double contrast = 0.0;       ///< grey levels between black and white
+};
+
+/// Reads the cells of a parent (black ring, white paper around it) or a child (white ring).
+/// `image_H_cells` maps cell coordinates, (0, 0) … (n+2, n+2), to ideal pixels; `cell_px` is the
+/// least side of a cell in pixels. `least_black` is the least number of black cells in a code of
+/// this kind. Empty if part of it lies outside of the image.
+std::optional<CellGrid> read_cells(const ImageView& image, const Lens& lens,
+                                   const Eigen::Matrix3d& image_H_cells, int n, double cell_px,
+                                   bool child, int least_black);
+
+/// Number of cells of the ring that are not of its colour.
+int wrong_ring_cells(const CellGrid& grid, bool child);
+
+/// The inner cells as bits, row-first; a cell is white from `white_level`.
+std::uint64_t read_bits(const CellGrid& grid, double white_level);
+
+/// Correlation of the cells with those predicted for a marker that is turned clockwise `turns`
+/// times, from 1 (equal up to gain and offset) down to 0 (nothing in common, or the inverse).
+double agreement(const CellGrid& grid, const std::vector<double>& predicted, int turns);
+
+}  // namespace harco::detect

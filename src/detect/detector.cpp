@@ -1,0 +1,378 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <stdexcept>
+#include <utility>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+
+#include "detect/cells.hpp"
+#include "detect/codebook.hpp"
+#include "detect/contours.hpp"
+#include "detect/edges.hpp"
+#include "detect/lens.hpp"
+#include "detect/quad.hpp"
+#include "detect/relations.hpp"
+#include "detect/square_homography.hpp"
+#include "detect/threshold.hpp"
+#include "harco/detect.hpp"
+#include "harco/geometry.hpp"
+
+namespace harco {
+namespace {
+
+using detect::CellGrid;
+using detect::Codebook;
+using detect::Match;
+using detect::Quad;
+
+// Thresholds between local black and white: the middle finds wide structure without bias, the
+// higher one holds thin lines of small children together.
+constexpr double kLevels[] = {0.5, 0.68};
+// From this share of the span between black and white a cell counts as white: cells that hold
+// children are darker than paper.
+constexpr double kWhiteLevel = 0.42;
+// Ring cells that glare, dirt or blur may have turned, as a share of the ring.
+constexpr double kWrongRingShare = 0.1;
+
+void check(const DetectorOptions& options) {
+  if (!(options.min_side_px >= 4.0) || !std::isfinite(options.min_side_px))
+    throw std::invalid_argument("min_side_px: must be at least 4 pixels");
+  if (options.max_bit_errors < 0)
+    throw std::invalid_argument("max_bit_errors: must not be negative");
+  if (options.tentative_bit_errors < 0)
+    throw std::invalid_argument("tentative_bit_errors: must not be negative");
+  if (!(options.min_quality >= 0.0 && options.min_quality <= 1.0))
+    throw std::invalid_argument("min_quality: must be 0 … 1");
+  if (options.camera) validate(*options.camera);
+}
+
+/// A quad of the contour stage; seen at several thresholds it counts once.
+struct Shape {
+  Quad corners;
+  bool hole;
+};
+
+bool same(const Shape& a, const Shape& b) {
+  if (a.hole != b.hole) return false;
+  const double tolerance = 0.6 + 0.02 * detect::mean_side(a.corners);
+  // Both run clockwise but may start at different corners.
+  for (std::size_t turn = 0; turn < 4; ++turn) {
+    bool all = true;
+    for (std::size_t i = 0; i < 4 && all; ++i)
+      all = (a.corners[i] - b.corners[(i + turn) % 4]).norm() < tolerance;
+    if (all) return true;
+  }
+  return false;
+}
+
+/// How sure a detection is by itself.
+enum class Standing { sure, needs_relatives, needs_memory };
+
+struct Found {
+  Detection detection;
+  Standing standing;
+  std::size_t candidate;  // index into the candidates of this frame
+};
+
+}  // namespace
+
+const char* to_string(Rejection rejection) {
+  switch (rejection) {
+    case Rejection::none:
+      return "none";
+    case Rejection::ring:
+      return "ring";
+    case Rejection::contrast:
+      return "contrast";
+    case Rejection::edges:
+      return "edges";
+    case Rejection::shape:
+      return "shape";
+    case Rejection::code:
+      return "code";
+    case Rejection::quality:
+      return "quality";
+    case Rejection::duplicate:
+      return "duplicate";
+    case Rejection::inconsistent:
+      return "inconsistent";
+  }
+  return "unknown";
+}
+
+struct Detector::Impl {
+  Impl(MarkerSet set, DetectorOptions chosen)
+      : markers(std::move(set)), options(std::move(chosen)) {
+    validate(markers);
+    check(options);
+    placed = place(markers);
+    predicted = predicted_cells(markers);
+    lens = detect::Lens(options.camera);
+    for (const bool children : {false, true})
+      for (int n = Code::kMinCells; n <= Code::kMaxCells; ++n) {
+        Codebook book(n, placed, children);
+        if (!book.empty()) (children ? child_books : parent_books).push_back(std::move(book));
+      }
+    for (const PlacedMarker& marker : placed) {
+      int& least = least_black[{marker.layer > 1, marker.code.cells}];
+      least = least == 0 ? marker.code.black_count() : std::min(least, marker.code.black_count());
+    }
+  }
+
+  std::vector<Detection> detect(const ImageView& image, DetectionTrace* trace);
+  void find_shapes(const ImageView& image, DetectionTrace* trace);
+  void examine(const ImageView& image, const Shape& shape);
+  Rejection identify(const ImageView& image, Candidate& candidate, const Codebook& book,
+                     const detect::FittedQuad& fitted);
+  std::vector<Detection> settle();
+  void reject(const Found& found, Rejection why);
+
+  MarkerSet markers;
+  DetectorOptions options;
+  std::vector<PlacedMarker> placed;
+  std::vector<std::vector<double>> predicted;
+  std::vector<Codebook> parent_books, child_books;
+  std::map<std::pair<bool, int>, int> least_black;
+  detect::Lens lens;
+
+  // Scratch, kept from frame to frame.
+  detect::TileExtremes extremes;
+  detect::ThresholdMap map;
+  detect::BorderFollower follower;
+  std::vector<Shape> shapes;
+  std::vector<Candidate> candidates;
+  std::vector<Found> found;
+  std::vector<Match> matches;
+};
+
+void Detector::Impl::find_shapes(const ImageView& image, DetectionTrace* trace) {
+  shapes.clear();
+  extremes.measure(image);
+  const double extent = 0.5 * options.min_side_px;  // of a steep marker's bounding box
+  const auto points = static_cast<std::size_t>(2.5 * options.min_side_px);
+  const double smallest = 0.25 * options.min_side_px * options.min_side_px;
+  for (const double level : kLevels) {
+    detect::ThresholdOptions threshold;
+    threshold.level = level;
+    extremes.threshold(image, threshold, map);
+    if (trace) {
+      Image binary(image.width(), image.height());
+      for (int y = 0; y < image.height(); ++y)
+        for (int x = 0; x < image.width(); ++x) binary.row(y)[x] = map.row(y)[x] < 0 ? 0 : 255;
+      trace->binary.push_back(std::move(binary));
+    }
+    follower.follow(map, points, extent, [&](const detect::Contour& contour) {
+      if (trace) trace->contours.push_back(contour.points);
+      // What the image's edge cuts off has no corner there to be measured.
+      if (contour.at_image_edge || contour.area < smallest) return;
+      const std::vector<Codebook>& books = contour.hole ? child_books : parent_books;
+      if (books.empty()) return;
+      const auto quad = detect::fit_quad(contour);
+      if (!quad || detect::mean_side(*quad) < 0.8 * options.min_side_px) return;
+      const Shape shape{*quad, contour.hole};
+      if (std::none_of(shapes.begin(), shapes.end(),
+                       [&](const Shape& other) { return same(shape, other); }))
+        shapes.push_back(shape);
+    });
+  }
+}
+
+/// Decodes a fitted quad against one book. On success the detection is added to `found`.
+Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
+                                   const Codebook& book, const detect::FittedQuad& fitted) {
+  const int n = book.cells();
+  const int m = n + 2;
+  const bool child = candidate.hole;
+  // The quad found is the inner border of a child's line; its full square is larger if the line
+  // has a part inside.
+  const double inset = child ? markers.line.inside * m : 0.0;
+  Eigen::Matrix3d unit_of_cells;
+  unit_of_cells << 1.0, 0.0, -inset, 0.0, 1.0, -inset, 0.0, 0.0, m - 2.0 * inset;
+  const Eigen::Matrix3d image_H_cells = detect::square_homography(fitted.corners) * unit_of_cells;
+  const double cell_px = detect::shortest_side(fitted.corners) / (m - 2.0 * inset);
+  const auto grid =
+      detect::read_cells(image, lens, image_H_cells, n, cell_px, child, least_black[{child, n}]);
+  char note[96];
+  if (!grid) return Rejection::shape;
+  if (grid->contrast < 8.0) {
+    std::snprintf(note, sizeof note, "contrast %.1f grey levels", grid->contrast);
+    candidate.note = note;
+    return Rejection::contrast;
+  }
+  const int wrong = detect::wrong_ring_cells(*grid, child);
+  if (wrong > kWrongRingShare * 4 * (n + 1)) {
+    std::snprintf(note, sizeof note, "%d of %d ring cells are not %s", wrong, 4 * (n + 1),
+                  child ? "white" : "black");
+    candidate.note = note;
+    return Rejection::ring;
+  }
+
+  const std::uint64_t bits = detect::read_bits(*grid, kWhiteLevel);
+  const int sure = std::min(options.max_bit_errors, book.safe_errors());
+  const int with_relatives = std::min(options.max_bit_errors + 1, book.safe_errors());
+  matches.clear();
+  book.find(bits, std::max(with_relatives, options.tentative_bit_errors), matches);
+  if (matches.empty()) {
+    candidate.note = "read " + to_string(Code{n, bits});
+    return Rejection::code;
+  }
+  const Match* best = nullptr;
+  double quality = -1.0;
+  for (const Match& match : matches) {
+    const double agreement =
+        detect::agreement(*grid, predicted[static_cast<std::size_t>(match.placed)], match.turns);
+    if (agreement > quality) {
+      quality = agreement;
+      best = &match;
+    }
+  }
+  std::snprintf(note, sizeof note, "%d bit errors, quality %.3f", best->errors, quality);
+  candidate.note = note;
+  candidate.placed = best->placed;
+  if (quality < options.min_quality) return Rejection::quality;
+
+  const PlacedMarker& marker = placed[static_cast<std::size_t>(best->placed)];
+  Detection detection;
+  detection.parent = markers.parents[static_cast<std::size_t>(marker.parent_index)].marker.id;
+  detection.layer = marker.layer;
+  detection.id = marker.id;
+  detection.placed = best->placed;
+  detection.bit_errors = best->errors;
+  detection.quality = quality;
+  detection.tentative = best->errors > with_relatives;
+  const std::array<Eigen::Vector2d, 4> cell_corners{
+      {{0.0, 0.0}, {double(m), 0.0}, {double(m), double(m)}, {0.0, double(m)}}};
+  for (std::size_t i = 0; i < 4; ++i) {
+    const std::size_t seen = (i + static_cast<std::size_t>(best->turns)) % 4;
+    const Eigen::Vector2d ideal = (image_H_cells * cell_corners[seen].homogeneous()).hnormalized();
+    const auto pixel = lens.from_ideal(ideal);
+    if (!pixel) return Rejection::shape;
+    const Eigen::Matrix2d jacobian = lens.from_ideal_jacobian(ideal);
+    detection.corners[i] = *pixel;
+    detection.corner_covariance[i] = jacobian * fitted.covariance[seen] * jacobian.transpose();
+  }
+  candidate.corners = detection.corners;
+  const Standing standing = best->errors <= sure             ? Standing::sure
+                            : best->errors <= with_relatives ? Standing::needs_relatives
+                                                             : Standing::needs_memory;
+  found.push_back({detection, standing, candidates.size()});
+  return Rejection::none;
+}
+
+void Detector::Impl::examine(const ImageView& image, const Shape& shape) {
+  Candidate candidate;
+  candidate.corners = shape.corners;
+  candidate.hole = shape.hole;
+  candidate.rejection = Rejection::shape;
+  Quad ideal;
+  bool whole = true;
+  for (std::size_t i = 0; i < 4 && whole; ++i) {
+    const auto corner = lens.to_ideal(shape.corners[i]);
+    whole = corner.has_value();
+    if (whole) ideal[i] = *corner;
+  }
+  if (whole)
+    for (const Codebook& book : shape.hole ? child_books : parent_books) {
+      const double hole = shape.hole ? 1.0 - 2.0 * markers.line.inside : 1.0;
+      const double inside = shape.hole ? markers.line.inside : 0.0;
+      detect::SideProfile profile;
+      profile.bright_inside = shape.hole;
+      profile.cell_share = (1.0 / (book.cells() + 2) - inside) / hole;
+      profile.line_share = shape.hole ? (markers.line.inside + markers.line.outside) / hole : 0.0;
+      const auto fitted = detect::fit_edges(image, lens, ideal, profile);
+      if (!fitted) {
+        candidate.rejection = Rejection::edges;
+        continue;
+      }
+      if (detect::mean_side(fitted->corners) < options.min_side_px) {
+        candidate.rejection = Rejection::shape;
+        continue;
+      }
+      candidate.rejection = identify(image, candidate, book, *fitted);
+      if (candidate.rejection == Rejection::none) break;
+    }
+  candidates.push_back(std::move(candidate));
+}
+
+void Detector::Impl::reject(const Found& what, Rejection why) {
+  candidates[what.candidate].rejection = why;
+}
+
+std::vector<Detection> Detector::Impl::settle() {
+  const detect::Relations relations(placed, lens);
+  // The best first, so that what comes later has to agree with it.
+  std::stable_sort(found.begin(), found.end(), [](const Found& a, const Found& b) {
+    if (a.standing != b.standing) return a.standing < b.standing;
+    return a.detection.quality > b.detection.quality;
+  });
+  std::vector<Found> kept;
+  for (const Found& next : found) {
+    const Detection& detection = next.detection;
+    Rejection why = Rejection::none;
+    bool supported = next.standing != Standing::needs_relatives;
+    for (const Found& earlier : kept) {
+      const double apart =
+          (detect::centre(earlier.detection.corners) - detect::centre(detection.corners)).norm();
+      if (earlier.detection.placed == detection.placed &&
+          apart < 0.5 * detect::mean_side(earlier.detection.corners))
+        why = Rejection::duplicate;
+      else if (relations.contradict(earlier.detection, detection))
+        why = Rejection::inconsistent;
+      else if (relations.agree(earlier.detection, detection))
+        supported = true;
+      if (why != Rejection::none) break;
+    }
+    if (why == Rejection::none && !supported) why = Rejection::code;
+    if (why == Rejection::none && next.standing == Standing::needs_memory &&
+        options.tentative_bit_errors == 0)
+      why = Rejection::code;
+    if (why != Rejection::none)
+      reject(next, why);
+    else
+      kept.push_back(next);
+  }
+  std::stable_sort(kept.begin(), kept.end(), [](const Found& a, const Found& b) {
+    return a.detection.placed < b.detection.placed;
+  });
+  std::vector<Detection> detections;
+  detections.reserve(kept.size());
+  for (const Found& one : kept) detections.push_back(one.detection);
+  return detections;
+}
+
+std::vector<Detection> Detector::Impl::detect(const ImageView& image, DetectionTrace* trace) {
+  if (image.empty()) throw std::invalid_argument("detect: the image is empty");
+  if (options.camera &&
+      (options.camera->width != image.width() || options.camera->height != image.height()))
+    throw std::invalid_argument("detect: the image has " + std::to_string(image.width()) + " x " +
+                                std::to_string(image.height()) + " pixels, the camera " +
+                                std::to_string(options.camera->width) + " x " +
+                                std::to_string(options.camera->height));
+  if (trace) *trace = {};
+  candidates.clear();
+  found.clear();
+  find_shapes(image, trace);
+  for (const Shape& shape : shapes) examine(image, shape);
+  std::vector<Detection> detections = settle();
+  if (trace) trace->candidates = candidates;
+  return detections;
+}
+
+Detector::Detector(MarkerSet markers, DetectorOptions options)
+    : impl_(std::make_unique<Impl>(std::move(markers), std::move(options))) {}
+Detector::~Detector() = default;
+Detector::Detector(Detector&&) noexcept = default;
+Detector& Detector::operator=(Detector&&) noexcept = default;
+
+std::vector<Detection> Detector::detect(const ImageView& image, DetectionTrace* trace) {
+  return impl_->detect(image, trace);
+}
+
+const MarkerSet& Detector::markers() const { return impl_->markers; }
+const std::vector<PlacedMarker>& Detector::placed() const { return impl_->placed; }
+const DetectorOptions& Detector::options() const { return impl_->options; }
+
+}  // namespace harco

@@ -1,0 +1,289 @@
+#include "detect/edges.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <Eigen/LU>
+
+#include "detect/sample.hpp"
+
+namespace harco::detect {
+namespace {
+
+constexpr int kMaxPositions = 96;     // along a side
+constexpr int kMaxReach = 24;         // half-pixel steps across it, on one side
+constexpr double kStep = 0.5;         // pixels, across
+constexpr double kMinContrast = 8.0;  // grey levels between dark and bright
+// The lens's and the sensor's blur together rarely fall below this (standard deviation, pixels).
+constexpr double kBlur = 0.7;
+
+/// Offsets of an edge from the line first assumed, one for each position along it.
+struct EdgePoints {
+  std::array<double, kMaxPositions> along;
+  std::array<double, kMaxPositions> across;
+  int count = 0;
+};
+
+/// A side as it was measured: it passes `middle`, and its normal displacement at a distance t from
+/// there is known with the variance `offset_variance` + t^2 `slope_variance`.
+struct FittedLine {
+  Point middle;
+  Point direction;
+  double offset_variance = 0.0;
+  double slope_variance = 0.0;
+};
+
+/// Grey values across one side: `count` positions times the steps from `-inward` to `outward`.
+struct Profiles {
+  std::array<std::array<double, 2 * kMaxReach + 1>, kMaxPositions> grey;
+  std::array<double, kMaxPositions> along;
+  int count = 0;
+  int inward = 0;
+  int outward = 0;
+};
+
+/// How far to look across a side (in steps), and what to make of it.
+struct Window {
+  int inward;
+  int outward;
+  double line;  // width of the dark line in pixels; 0 for a plain step
+};
+
+int steps(double pixels) { return std::clamp(static_cast<int>(pixels / kStep), 2, kMaxReach); }
+
+Profiles read_profiles(const ImageView& image, const Lens& lens, const Point& a, const Point& b,
+                       const Window& window) {
+  Profiles profiles;
+  profiles.inward = window.inward;
+  profiles.outward = window.outward;
+  const double length = (b - a).norm();
+  const Point direction = (b - a) / length;
+  const Point outward(direction.y(), -direction.x());
+  // Near the corners the other side's edge would be seen as well.
+  const double margin = std::min(0.25 * length, 0.06 * length + 1.5);
+  const double usable = length - 2.0 * margin;
+  const int positions = std::clamp(static_cast<int>(usable), 4, kMaxPositions);
+  for (int i = 0; i < positions; ++i) {
+    const double t = margin + usable * (i + 0.5) / positions;
+    auto& grey = profiles.grey[static_cast<std::size_t>(profiles.count)];
+    bool whole = true;
+    for (int k = -window.inward; k <= window.outward && whole; ++k) {
+      const auto pixel = lens.from_ideal(a + t * direction + (k * kStep) * outward);
+      const auto value = pixel ? sample(image, pixel->x(), pixel->y()) : std::nullopt;
+      whole = value.has_value();
+      if (whole) grey[static_cast<std::size_t>(k + window.inward)] = *value;
+    }
+    if (whole) profiles.along[static_cast<std::size_t>(profiles.count++)] = t - 0.5 * length;
+  }
+  return profiles;
+}
+
+/// Median over all positions of the grey at one step.
+double median_at(const Profiles& profiles, int k) {
+  std::array<double, kMaxPositions> values;
+  for (int i = 0; i < profiles.count; ++i)
+    values[static_cast<std::size_t>(i)] =
+        profiles.grey[static_cast<std::size_t>(i)][static_cast<std::size_t>(k + profiles.inward)];
+  const auto middle = values.begin() + profiles.count / 2;
+  std::nth_element(values.begin(), middle, values.begin() + profiles.count);
+  return *middle;
+}
+
+/// Where a step from `inside` to `outside` lies so that the grey under it is what was seen. It does
+/// not depend on the shape of the blur as long as the ends of the window lie beyond it.
+double step_position(const Profiles& profiles, int i, double inside, double outside) {
+  const auto& grey = profiles.grey[static_cast<std::size_t>(i)];
+  double sum = 0.0;
+  for (int k = -profiles.inward; k <= profiles.outward; ++k) {
+    const bool end = k == -profiles.inward || k == profiles.outward;
+    sum += (end ? 0.5 : 1.0) * (grey[static_cast<std::size_t>(k + profiles.inward)] - outside);
+  }
+  return -profiles.inward * kStep + sum * kStep / (inside - outside);
+}
+
+/// Centroid of the dark between two bright sides; empty where there is none.
+std::optional<double> dip_position(const Profiles& profiles, int i, double inside, double outside) {
+  const auto& grey = profiles.grey[static_cast<std::size_t>(i)];
+  double mass = 0.0;
+  double moment = 0.0;
+  const int last = profiles.inward + profiles.outward;
+  for (int k = 0; k <= last; ++k) {
+    const double bright = inside + (outside - inside) * k / last;
+    const double dark = bright - grey[static_cast<std::size_t>(k)];
+    mass += dark;
+    moment += dark * (k - profiles.inward) * kStep;
+  }
+  if (mass * kStep < kMinContrast) return std::nullopt;
+  return moment / mass;
+}
+
+/// Robust straight line through edge points (Tukey's weights, three rounds).
+std::optional<FittedLine> fit_points(const EdgePoints& points, const Point& middle,
+                                     const Point& direction, double length) {
+  if (points.count < 4) return std::nullopt;
+  const auto n = static_cast<std::size_t>(points.count);
+  std::array<double, kMaxPositions> weights;
+  std::array<double, kMaxPositions> residuals;
+  weights.fill(1.0);
+  double offset = 0.0;
+  double slope = 0.0;
+  double centre = 0.0;
+  double sum_w = 0.0;
+  double sum_tt = 0.0;
+  double variance = 0.0;
+  for (int round = 0; round < 4; ++round) {
+    sum_w = 0.0;
+    double sum_t = 0.0;
+    double sum_u = 0.0;
+    for (std::size_t i = 0; i < n; ++i) {
+      sum_w += weights[i];
+      sum_t += weights[i] * points.along[i];
+      sum_u += weights[i] * points.across[i];
+    }
+    if (sum_w < 0.4 * points.count) return std::nullopt;
+    centre = sum_t / sum_w;
+    sum_tt = 0.0;
+    double sum_tu = 0.0;
+    for (std::size_t i = 0; i < n; ++i) {
+      const double t = points.along[i] - centre;
+      sum_tt += weights[i] * t * t;
+      sum_tu += weights[i] * t * points.across[i];
+    }
+    offset = sum_u / sum_w;
+    slope = sum_tu / sum_tt;
+    double sum_rr = 0.0;
+    for (std::size_t i = 0; i < n; ++i) {
+      const double r = points.across[i] - offset - slope * (points.along[i] - centre);
+      residuals[i] = std::abs(r);
+      sum_rr += weights[i] * r * r;
+    }
+    variance = sum_rr / std::max(1.0, sum_w - 2.0);
+    std::array<double, kMaxPositions> sorted = residuals;
+    const auto half = sorted.begin() + points.count / 2;
+    std::nth_element(sorted.begin(), half, sorted.begin() + points.count);
+    const double cut = std::max(4.7 * 1.48 * *half, 0.05);
+    for (std::size_t i = 0; i < n; ++i) {
+      const double x = residuals[i] / cut;
+      weights[i] = x < 1.0 ? (1.0 - x * x) * (1.0 - x * x) : 0.0;
+    }
+  }
+  if (std::sqrt(variance) > 0.6 + 0.01 * length) return std::nullopt;
+  const Point outward(direction.y(), -direction.x());
+  FittedLine line;
+  line.middle = middle + centre * direction + offset * outward;
+  line.direction = (direction + slope * outward).normalized();
+  line.offset_variance = variance / sum_w;
+  line.slope_variance = variance / sum_tt;
+  return line;
+}
+
+/// One side from a to b; the quad extends `depth` pixels from it to the opposite side. The quad
+/// runs clockwise, so its outside is on the left of the way.
+std::optional<FittedLine> fit_side(const ImageView& image, const Lens& lens, const Point& a,
+                                   const Point& b, double depth, const SideProfile& profile) {
+  const double length = (b - a).norm();
+  if (length < 4.0) return std::nullopt;
+  const double band = profile.cell_share * depth;
+  const double line = profile.line_share * depth;
+
+  Window window{steps(std::clamp(0.45 * band, 1.0, 4.0)), 0, 0.0};
+  window.outward = window.inward;
+  if (profile.bright_inside) {
+    // A wide line: both ends of the window lie in even ground. A thin one: look across it, then
+    // tell by the ground beyond whether it merged with other ink.
+    const double half = line - 1.6 * kBlur;
+    if (half >= 1.5) {
+      window.inward = window.outward = steps(std::min(0.45 * band, std::min(half, 4.0)));
+    } else {
+      window.inward = steps(std::max(1.0, std::min(0.45 * band, 2.0)));
+      window.outward = steps(line + std::min(0.8 * band, 2.0));
+      window.line = line;
+    }
+  }
+  const Profiles profiles = read_profiles(image, lens, a, b, window);
+  if (profiles.count < 4) return std::nullopt;
+  const double inside = median_at(profiles, -profiles.inward);
+  const double outside = median_at(profiles, profiles.outward);
+
+  EdgePoints points;
+  const auto add = [&](int i, double across) {
+    points.along[static_cast<std::size_t>(points.count)] =
+        profiles.along[static_cast<std::size_t>(i)];
+    points.across[static_cast<std::size_t>(points.count++)] = across;
+  };
+  double darkest = 255.0;
+  for (int k = -profiles.inward; k <= profiles.outward; ++k)
+    darkest = std::min(darkest, median_at(profiles, k));
+  const bool dip = window.line > 0.0 && outside - darkest > 0.35 * (inside - darkest);
+  if (dip) {
+    if (inside - darkest < kMinContrast) return std::nullopt;
+    for (int i = 0; i < profiles.count; ++i)
+      if (const auto position = dip_position(profiles, i, inside, outside))
+        add(i, *position - 0.5 * window.line);
+  } else {
+    const double contrast = profile.bright_inside ? inside - outside : outside - inside;
+    if (contrast < kMinContrast) return std::nullopt;
+    for (int i = 0; i < profiles.count; ++i) add(i, step_position(profiles, i, inside, outside));
+  }
+  auto fitted = fit_points(points, 0.5 * (a + b), (b - a) / length, length);
+  if (!fitted) return std::nullopt;
+  // What no fit of one edge can see: ink nearby that the blur mixes in. It fades once the even
+  // bands on both sides are wider than the blur.
+  const double band_outside = profile.bright_inside ? line : band;
+  const double clear = std::min(band, band_outside) / kBlur;
+  const double systematic = 0.01 + 0.25 * std::exp(-0.5 * (clear / 2.2) * (clear / 2.2));
+  fitted->offset_variance += systematic * systematic;
+  return fitted;
+}
+
+/// Where two sides meet, and how well that is known.
+bool meet(const FittedLine& first, const FittedLine& second, Point& corner,
+          Eigen::Matrix2d& covariance) {
+  const auto point = intersection(first.middle, first.middle + first.direction, second.middle,
+                                  second.middle + second.direction);
+  if (!point) return false;
+  corner = *point;
+  Eigen::Matrix2d normals;
+  normals << first.direction.y(), -first.direction.x(), second.direction.y(), -second.direction.x();
+  const auto variance = [&](const FittedLine& line) {
+    const double t = (corner - line.middle).dot(line.direction);
+    return line.offset_variance + t * t * line.slope_variance;
+  };
+  const Eigen::Matrix2d inverse = normals.inverse();
+  covariance = inverse * Eigen::Vector2d(variance(first), variance(second)).asDiagonal() *
+               inverse.transpose();
+  return true;
+}
+
+}  // namespace
+
+std::optional<FittedQuad> fit_edges(const ImageView& image, const Lens& lens, const Quad& quad,
+                                    const SideProfile& profile) {
+  FittedQuad fitted{quad, {}};
+  // The second round starts from where the first one found the edges.
+  for (int round = 0; round < 2; ++round) {
+    std::array<FittedLine, 4> lines;
+    for (std::size_t i = 0; i < 4; ++i) {
+      const Point a = fitted.corners[i];
+      const Point b = fitted.corners[(i + 1) % 4];
+      const Point opposite = 0.5 * (fitted.corners[(i + 2) % 4] + fitted.corners[(i + 3) % 4]);
+      const Point along = (b - a).normalized();
+      const double depth = along.x() * (opposite - a).y() - along.y() * (opposite - a).x();
+      const auto line = fit_side(image, lens, a, b, depth, profile);
+      if (!line) return std::nullopt;
+      lines[i] = *line;
+    }
+    const Quad before = fitted.corners;
+    const double tolerance = 1.5 + 0.05 * mean_side(before);
+    for (std::size_t i = 0; i < 4; ++i) {
+      if (!meet(lines[(i + 3) % 4], lines[i], fitted.corners[i], fitted.covariance[i]))
+        return std::nullopt;
+      if ((fitted.corners[i] - before[i]).norm() > tolerance) return std::nullopt;
+    }
+    if (!convex(fitted.corners)) return std::nullopt;
+  }
+  return fitted;
+}
+
+}  // namespace harco::detect

@@ -1,0 +1,45 @@
+// Between pixels of the image and those of an ideal pinhole camera, where straight edges are
+// straight.
+#pragma once
+
+#include <optional>
+
+#include <Eigen/Core>
+
+#include "harco/camera.hpp"
+
+namespace harco::detect {
+
+class Lens {
+ public:
+  Lens() = default;
+  explicit Lens(const std::optional<Camera>& camera) {
+    if (camera && camera->has_distortion()) camera_ = *camera;
+  }
+
+  /// Empty where the lens model can't be inverted.
+  std::optional<Eigen::Vector2d> to_ideal(const Eigen::Vector2d& pixel) const {
+    return camera_ ? camera_->to_ideal(pixel) : pixel;
+  }
+  std::optional<Eigen::Vector2d> from_ideal(const Eigen::Vector2d& ideal) const {
+    return camera_ ? camera_->from_ideal(ideal) : ideal;
+  }
+
+  /// d(pixel) / d(ideal pixel) by differences of half a pixel.
+  Eigen::Matrix2d from_ideal_jacobian(const Eigen::Vector2d& ideal) const {
+    Eigen::Matrix2d jacobian = Eigen::Matrix2d::Identity();
+    if (!camera_) return jacobian;
+    for (int axis = 0; axis < 2; ++axis) {
+      const Eigen::Vector2d half = 0.5 * Eigen::Vector2d::Unit(axis);
+      const auto ahead = from_ideal(ideal + half);
+      const auto behind = from_ideal(ideal - half);
+      if (ahead && behind) jacobian.col(axis) = *ahead - *behind;
+    }
+    return jacobian;
+  }
+
+ private:
+  std::optional<Camera> camera_;
+};
+
+}  // namespace harco::detect

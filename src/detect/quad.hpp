@@ -1,0 +1,27 @@
+// Third stage: contours that are quadrilaterals.
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "detect/contours.hpp"
+
+namespace harco::detect {
+
+/// Four corners, clockwise on the screen.
+using Quad = std::array<Point, 4>;
+
+double area(const Quad& quad);
+double shortest_side(const Quad& quad);
+double mean_side(const Quad& quad);
+Point centre(const Quad& quad);
+bool convex(const Quad& quad);
+
+/// Where the line through a, b meets the one through c, d; empty if they are parallel.
+std::optional<Point> intersection(const Point& a, const Point& b, const Point& c, const Point& d);
+
+/// The convex quadrilateral that a contour follows, its sides fitted to the contour's points. Empty
+/// if some part of the contour keeps away from it.
+std::optional<Quad> fit_quad(const Contour& contour);
+
+}  // namespace harco::detect

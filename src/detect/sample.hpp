@@ -1,0 +1,28 @@
+// Grey values between pixels.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "harco/image.hpp"
+
+namespace harco::detect {
+
+/// Bilinear interpolation; empty outside of the pixels' centres.
+inline std::optional<double> sample(const ImageView& image, double x, double y) {
+  if (!(x >= 0.0 && y >= 0.0 && x <= image.width() - 1 && y <= image.height() - 1))
+    return std::nullopt;
+  const int x0 = std::min(static_cast<int>(x), image.width() - 2);
+  const int y0 = std::min(static_cast<int>(y), image.height() - 2);
+  if (x0 < 0 || y0 < 0) return image(static_cast<int>(x), static_cast<int>(y));  // 1 pixel wide
+  const double fx = x - x0;
+  const double fy = y - y0;
+  const std::uint8_t* upper = image.row(y0) + x0;
+  const std::uint8_t* lower = upper + image.stride();
+  const double top = upper[0] + fx * (upper[1] - upper[0]);
+  const double bottom = lower[0] + fx * (lower[1] - lower[0]);
+  return top + fy * (bottom - top);
+}
+
+}  // namespace harco::detect
