@@ -1,37 +1,15 @@
 // Runs the harco command as a user does. Tests that include it are listed with harco_verb_test().
 #pragma once
 
-#include <filesystem>
 #include <string>
+
+#include "shell.hpp"
 
 namespace harco::test {
 
-/// What a run of the command left behind.
-struct CommandResult {
-  int status = -1;     ///< exit status; 128 + signal if it was killed
-  std::string output;  ///< standard output
-  std::string errors;  ///< standard error
-};
-
 /// Runs `harco ARGUMENTS` through the shell.
-CommandResult run_harco(const std::string& arguments);
-
-/// A new empty folder that vanishes with this object.
-class TemporaryFolder {
- public:
-  TemporaryFolder();
-  ~TemporaryFolder();
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-
-  const std::filesystem::path& path() const { return path_; }
-  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-
- private:
-  std::filesystem::path path_;
-};
-
-std::string read_file(const std::filesystem::path& file);
-void write_file(const std::filesystem::path& file, const std::string& content);
+inline CommandResult run_harco(const std::string& arguments) {
+  return run_shell(std::string("'") + HARCO_COMMAND + "' " + arguments);
+}
 
 }  // namespace harco::test

@@ -196,7 +196,7 @@ Overview overview(const SheetLayout& layout, const std::string& title, double ov
     const std::string name = coordinates(tile.row, tile.column);
     const double shown_width = page.scale * (x1 - w.x0);
     const double shown_height = page.scale * (y1 - w.y0);
-    const double size = std::min({4.0, 0.7 * shown_width / text_width(name), 0.5 * shown_height});
+    const double size = std::min({4.0, 0.5 * shown_width / text_width(name), 0.5 * shown_height});
     const Vector2d centre = on_page(0.5 * (w.x0 + x1), 0.5 * (w.y0 + y1));
     const Vector2d half(0.5 * size * text_width(name) + 0.2 * size, 0.6 * size);
     page.above.push_back(Fill{{{centre - half, centre + Vector2d(half.x(), -half.y()),

@@ -1,9 +1,10 @@
-#include "command.hpp"
+#include "shell.hpp"
 
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
+#include <system_error>
 
 #include <sys/wait.h>
 #include <unistd.h>
@@ -21,18 +22,21 @@ TemporaryFolder::~TemporaryFolder() {
   std::filesystem::remove_all(path_, ignored);
 }
 
-CommandResult run_harco(const std::string& arguments) {
+CommandResult run_shell(const std::string& command) {
   const TemporaryFolder folder;
   const auto output = folder / "output";
   const auto errors = folder / "errors";
-  const std::string line = std::string("'") + HARCO_COMMAND + "' " + arguments + " >'" +
-                           output.string() + "' 2>'" + errors.string() + "'";
+  const std::string line = command + " >'" + output.string() + "' 2>'" + errors.string() + "'";
   const int status = std::system(line.c_str());
   CommandResult result;
   result.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   result.output = read_file(output);
   result.errors = read_file(errors);
   return result;
+}
+
+bool has_program(const std::string& name) {
+  return std::system(("command -v '" + name + "' >/dev/null 2>&1").c_str()) == 0;
 }
 
 std::string read_file(const std::filesystem::path& file) {
