@@ -70,13 +70,14 @@ struct PlacedMarker {
 };
 
 /// Every marker of every parent with its place, parents in order, each followed by its
-/// descendants layer by layer.
+/// descendants layer by layer. Throws std::invalid_argument for a child in a cell that is not there
+/// or a side that is not positive and finite; the other rules are validate's.
 std::vector<PlacedMarker> place(const MarkerSet& markers);
 
 /// Throws std::invalid_argument, naming the marker, if the set breaks a rule: no parents, a side
 /// that is not positive and finite, a child in a cell that is black, taken or not there, an id
 /// used twice among parents or among children, two markers whose codes can't be told apart, a
-/// line width outside [0, 0.25].
+/// line width outside [0, 0.25], no line though there are children, n outside 3 … 8.
 void validate(const MarkerSet& markers);
 
 /// Reads markers.json. Fields that it doesn't know are ignored. Throws Error if the file can't be

@@ -29,13 +29,12 @@ Code parse_code(const std::string& text) {
     Code code{n, 0};
     for (int i = 0; i < n * n; ++i) {
       const char c = text[static_cast<std::size_t>(i)];
-      if (c != '0' && c != '1')
-        throw std::invalid_argument("code '" + text + "': only 0 and 1 may stand in it");
+      if (c != '0' && c != '1') throw std::invalid_argument("a code may hold only 0 and 1");
       code.bits |= std::uint64_t{c == '1'} << i;
     }
     return code;
   }
-  throw std::invalid_argument("code '" + text + "': its length must be the square of 3 … 8, not " +
+  throw std::invalid_argument("the length of a code must be the square of 3 … 8, not " +
                               std::to_string(text.size()));
 }
 

@@ -41,7 +41,7 @@ struct BinRange {
 
 BinRange bins_of(const Rect& r, double side) {
   const auto bin = [&](double v) {
-    return std::clamp(static_cast<int>(std::floor(v / side * kBins)), 0, kBins - 1);
+    return static_cast<int>(std::clamp(std::floor(v / side * kBins), 0.0, kBins - 1.0));
   };
   return {bin(r.x0), bin(r.y0), bin(r.x1), bin(r.y1)};
 }
@@ -123,7 +123,7 @@ std::array<Rect, 4> line_strips(const PlacedMarker& child, const LineWidth& line
 std::vector<PlacedMarker> placed_of_parent(const MarkerSet& markers, int parent_index) {
   if (parent_index < 0 || parent_index >= static_cast<int>(markers.parents.size()))
     throw std::invalid_argument("ink_plan: there is no parent " + std::to_string(parent_index));
-  MarkerSet single = markers;
+  MarkerSet single;
   single.parents = {markers.parents[static_cast<std::size_t>(parent_index)]};
   return place(single);
 }

@@ -18,6 +18,8 @@ int depth(const Marker& marker) {
 
 PlacedMarker place_child(const PlacedMarker& container, int container_index, const Marker& child) {
   const int n = container.code.cells;
+  if (child.cell < 0 || child.cell >= container.code.size())
+    throw std::invalid_argument("place: there is no cell " + std::to_string(child.cell));
   PlacedMarker placed;
   placed.parent_index = container.parent_index;
   placed.layer = container.layer + 1;
@@ -32,6 +34,8 @@ PlacedMarker place_child(const PlacedMarker& container, int container_index, con
 }
 
 void place_parent(const Parent& parent, int parent_index, std::vector<PlacedMarker>& all) {
+  if (!(parent.side_m > 0.0) || !std::isfinite(parent.side_m))
+    throw std::invalid_argument("place: a parent's side must be positive and finite");
   const std::size_t first = all.size();
   PlacedMarker root;
   root.parent_index = parent_index;
@@ -79,11 +83,15 @@ struct Known {
   std::map<std::pair<int, std::uint64_t>, int> codes;
 };
 
+void validate_cells(int cells, const std::string& who) {
+  if (cells < Code::kMinCells || cells > Code::kMaxCells)
+    throw std::invalid_argument(who + ": cells must be 3 … 8, not " + std::to_string(cells));
+}
+
 void validate_marker(const Marker& marker, int layer, Known& parents, Known& children) {
   const std::string who = name(marker, layer);
   const Code& code = marker.code;
-  if (code.cells < Code::kMinCells || code.cells > Code::kMaxCells)
-    throw std::invalid_argument(who + ": cells must be 3 … 8, not " + std::to_string(code.cells));
+  validate_cells(code.cells, who);
   if (code.size() < 64 && (code.bits >> code.size()) != 0)
     throw std::invalid_argument(who + ": its code has more bits than cells");
   if (marker.id < 0) throw std::invalid_argument(who + ": an id must not be negative");
@@ -133,6 +141,7 @@ std::vector<PlacedMarker> place(const MarkerSet& markers) {
 
 void validate(const MarkerSet& markers) {
   if (markers.parents.empty()) throw std::invalid_argument("a marker set needs a parent");
+  validate_cells(markers.cells, "the set");
   for (const double width : {markers.line.inside, markers.line.outside})
     if (!(width >= 0.0 && width <= 0.25))
       throw std::invalid_argument("line width: inside and outside must be 0 … 0.25 of the side");
