@@ -122,6 +122,11 @@ LineWidth line_width(const DrawingOptions& options) {
 
 void check_writable(const fs::path& folder) { StagedFolder{folder}; }
 
+void check_drawing(const MarkerSet& sample, const DrawingOptions& options) {
+  layout_sheet(sample, 0, {"", paper(options.page), options.overlap_mm});
+  raster(sample, 0, options.raster);
+}
+
 void write_markers(const MarkerSet& markers, const fs::path& folder,
                    const DrawingOptions& options) {
   validate(markers);

@@ -31,9 +31,12 @@ void add_drawing_options(CLI::App& verb, DrawingOptions& options);
 /// The line width that the options ask for.
 LineWidth line_width(const DrawingOptions& options);
 
-/// Checks that `folder` can be written to (it need not exist), so that a long search isn't in
-/// vain. Throws Error.
+/// Checks that `folder` can be written to (it need not exist). Throws Error. Leaves nothing behind.
 void check_writable(const std::filesystem::path& folder);
+
+/// Throws now, before a long search, what write_markers would throw about the options or about
+/// pictures of parents with the layers, cells and side of `sample`.
+void check_drawing(const MarkerSet& sample, const DrawingOptions& options);
 
 /// Writes markers.json and, for every parent, marker-ID.svg, marker-ID.pdf, marker-ID.png and
 /// marker-ID.png.json into `folder`, which is made if need be. All files are there or, after an
