@@ -501,6 +501,8 @@ TEST(Plan, RefusesWhatMakesNoSense) {
       [](auto& r) { r.alpha = 0.0; },
       [](auto& r) { r.alpha = 1.0; },
       [&](auto& r) { r.alpha = nan; },
+      [](auto& r) { r.alpha = 0.99 / 49.0; },
+      [](auto& r) { r.beta = 0.99 / 49.0; },
       [](auto& r) { r.beta = 0.0; },
       [](auto& r) { r.beta = 1.5; },
       [](auto& r) { r.parent_px = 0.0; },

@@ -76,6 +76,19 @@ TEST(PlanVerb, NextCommandCarriesWhatDiffersFromTheDefault) {
             "--line-inside 0.03125 --line-outside 0.05");
 }
 
+TEST(PlanVerb, NextCommandKeepsToAlphaAndBeta) {
+  const std::string plain = "harco generate --layers 3 --parents 1 --side 1.6 --out marker";
+  // 0.09 * 49 = 4.41 black cells.
+  EXPECT_EQ(json_of(kExample + "--alpha 0.09")["command"], plain + " --max-black 4");
+  // 0.27 * 49 = 13.2 children, 0.15 * 49 = 7.35, 0.07 * 49 = 3.43.
+  EXPECT_EQ(json_of(kExample + "--beta 0.27")["command"], plain + " --children checkerboard");
+  EXPECT_EQ(json_of(kExample + "--beta 0.15")["command"], plain);
+  EXPECT_EQ(json_of(kExample + "--beta 0.07")["command"], plain + " --children 12,0,24");
+  // One layer has no children.
+  const auto single = json_of(kExample + "--beta 0.07 --alpha 0.09 --layers 1");
+  EXPECT_EQ(single["command"], "harco generate --layers 1 --parents 1 --side 1.6 --out marker");
+}
+
 TEST(PlanVerb, WarnsInTheTable) {
   const CommandResult result =
       run_harco("plan --near 0.1 --far 35 --size 750x480 --focal 700 --side 0.5");

@@ -84,7 +84,7 @@ void draw_axis(std::string& svg, const Frame& frame) {
 void draw_wanted_range(std::string& svg, const Frame& frame, const PlanRequest& request) {
   const double x0 = frame.x(request.nearest_m);
   const double x1 = frame.x(request.farthest_m);
-  rectangle(svg, x0, kTop - 26.0, x1, frame.bottom, "fill=\"#eef3f7\"");
+  rectangle(svg, x0, kTop - 26.0, x1, frame.bottom, R"(fill="#eef3f7")");
   vertical(svg, x0, kTop - 26.0, frame.bottom, "wanted");
   vertical(svg, x1, kTop - 26.0, frame.bottom, "wanted");
   text(svg, x0 + 6.0, kTop - 14.0, "label", significant(request.nearest_m, 3) + " m wanted");
@@ -100,7 +100,7 @@ void draw_meeting(std::string& svg, const Frame& frame, const Plan& plan, std::s
   const double x1 = frame.x(std::max(from, to));
   const double y0 = Frame::bar_top(upper) + kBarHeight;
   rectangle(svg, x0, y0, x1, Frame::bar_top(upper + 1),
-            gap ? "fill=\"url(#hatch)\"" : "fill=\"#9fb4c3\" fill-opacity=\"0.35\"");
+            gap ? R"-(fill="url(#hatch)")-" : R"(fill="#9fb4c3" fill-opacity="0.35")");
   if (gap)
     text(svg, x1 + 8.0, y0 + 26.0, "gap",
          fmt::format("gap: {} m to {} m", significant(to, 3), significant(from, 3)));
@@ -114,7 +114,7 @@ void draw_layer(std::string& svg, const Frame& frame, const PlanLayer& layer, st
   const double x1 = frame.x(layer.farthest_m);
   const double top = Frame::bar_top(row);
   rectangle(svg, x0, top, x1, top + kBarHeight,
-            fmt::format("rx=\"5\" fill=\"{}\"", kColours[row % kColours.size()]));
+            fmt::format(R"(rx="5" fill="{}")", kColours[row % kColours.size()]));
   const double baseline = top + kBarHeight / 2.0 + 4.5;
   text(svg, x0 + 8.0, baseline, "pixels", significant(layer.nearest_side_px, 3) + " px");
   text(svg, x1 - 8.0, baseline, "pixels end", significant(layer.farthest_side_px, 2) + " px");

@@ -3,27 +3,45 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <vector>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
+
+#include "harco/dictionary.hpp"
 
 namespace harco::cli {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
+/// The children that beta allows, as generate takes them: its own quincunx unless that has too many
+/// or a checkerboard fits. Of a quincunx the centre comes first, then opposite corners.
+std::string children_option(int cells, int most_children) {
+  if (most_children >= static_cast<int>(checkerboard(cells).size()))
+    return " --children checkerboard";
+  const std::vector<int> all = quincunx(cells);
+  if (most_children >= static_cast<int>(all.size())) return "";
+  std::string list;
+  for (const std::size_t index : {2U, 0U, 4U, 1U})
+    if (most_children-- > 0) list += fmt::format("{}{}", list.empty() ? "" : ",", all.at(index));
+  return " --children " + list;
+}
+
 /// What the user runs next: only what differs from generate's own defaults is said.
 std::string generate_command(const PlanRequest& request, const Plan& plan) {
   std::string command = fmt::format("harco generate --layers {} --parents 1 --side {} --out marker",
                                     plan.layers.size(), plan.side_m);
   if (request.cells != PlanRequest{}.cells) command += fmt::format(" --cells {}", request.cells);
-  if (plan.layers.size() > 1) {
-    const LineWidth standard;
-    if (request.line.inside != standard.inside)
-      command += fmt::format(" --line-inside {}", request.line.inside);
-    if (request.line.outside != standard.outside)
-      command += fmt::format(" --line-outside {}", request.line.outside);
-  }
+  if (plan.layers.size() == 1) return command;
+  const LineWidth standard;
+  if (request.line.inside != standard.inside)
+    command += fmt::format(" --line-inside {}", request.line.inside);
+  if (request.line.outside != standard.outside)
+    command += fmt::format(" --line-outside {}", request.line.outside);
+  if (plan.most_black != default_child_black(request.cells).most)
+    command += fmt::format(" --max-black {}", plan.most_black);
+  if (request.beta) command += children_option(request.cells, plan.most_children);
   return command;
 }
 

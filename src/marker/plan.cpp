@@ -256,6 +256,8 @@ Plan plan(const PlanRequest& request) {
     throw std::invalid_argument("farthest distance: no marker is large enough");
   plan.most_black = static_cast<int>(std::floor(request.alpha * area_cells + kRounding));
   plan.most_children = static_cast<int>(std::floor(beta * area_cells + kRounding));
+  if (plan.most_black < 1) throw std::invalid_argument("alpha leaves a child no black cell");
+  if (plan.most_children < 1) throw std::invalid_argument("beta leaves a marker no child");
   plan.layers = plan_layers(request, plan.side_m, beta);
   plan.warnings = warnings_of(request, plan);
   return plan;
