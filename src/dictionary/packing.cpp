@@ -113,7 +113,8 @@ struct Packing::State {
     const std::size_t size = pool.size();
     for (std::size_t i = 0; i < size; ++i)
       conflicts[i] = static_cast<std::uint16_t>(conflicts[i] + change * hits[i]);
-    return 4.0 * pool.length(orbit) * static_cast<double>(pool.size());
+    const double work_per_orbit = narrow.empty() ? 8.0 : 4.0;  // a vector holds half as many
+    return work_per_orbit * pool.length(orbit) * static_cast<double>(pool.size());
   }
 
   double insert(std::size_t orbit, int group) {

@@ -14,12 +14,12 @@
 namespace harco {
 namespace {
 
-constexpr double kSlice = 1e7;        // work units (distances) that the first symmetry gets
-constexpr double kSliceGrowth = 2.0;  // from round to round: what works does so soon, or late
-constexpr double kPoolWork = 50.0;    // what it costs to put one code into a pool
-constexpr int kSlicesPerRound = 8;    // the last of which goes to the identity
-constexpr int kPreview = 400;         // codes on which a symmetry is judged
-constexpr int kSymmetriesLooked = 8;  // of which the best gets the slice
+constexpr double kSlice = 1e7;         // work units (distances) that the first symmetry gets
+constexpr double kSliceGrowth = 2.0;   // from round to round: what works does so soon, or late
+constexpr double kPoolWork = 50.0;     // what it costs to put one code into a pool
+constexpr int kSlicesPerRound = 8;     // the last of which goes to the identity
+constexpr int kPreview = 400;          // codes on which a symmetry is judged
+constexpr int kSymmetriesLooked = 20;  // of which the best gets the slice
 
 class Search {
  public:
