@@ -24,11 +24,14 @@ struct Detection {
 
   /// Corners of the marker's full square in pixels of the (distorted) image: top-left, top-right,
   /// bottom-right, bottom-left of the upright marker.
-  std::array<Eigen::Vector2d, 4> corners{};
+  std::array<Eigen::Vector2d, 4> corners{Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero(),
+                                         Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
 
   /// What is known of the corners' errors, in square pixels: from the noise of the edges that were
   /// fitted, plus an allowance for what the fit can't see (blur of nearby ink).
-  std::array<Eigen::Matrix2d, 4> corner_covariance{};
+  std::array<Eigen::Matrix2d, 4> corner_covariance{
+      Eigen::Matrix2d::Identity(), Eigen::Matrix2d::Identity(), Eigen::Matrix2d::Identity(),
+      Eigen::Matrix2d::Identity()};
 
   int bit_errors = 0;      ///< corrected bits
   double quality = 0.0;    ///< 0 … 1: how well the cells agree with the marker's own picture

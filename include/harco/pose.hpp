@@ -36,7 +36,7 @@ struct Pose {
   int markers = 0;              ///< how many markers it was made from
   std::vector<int> detections;  ///< their indices in the list given
 
-  /// The second solution of a plane's pose where the image doesn't exclude it.
+  /// The second solution of a plane's pose where the corners don't exclude it.
   std::optional<Eigen::Isometry3d> alternative;
 };
 
@@ -44,9 +44,12 @@ struct PoseOptions {
   Fusion fusion = Fusion::joint;
 };
 
-/// Poses of all parents that are seen, best evidence first; a parent seen twice has two. Empty
-/// without detections. Throws std::invalid_argument if the detections are not of this set, or the
-/// image's size is not the camera's.
+/// Poses of all parents that are seen, best evidence (greatest area in the image) first; a parent
+/// seen twice has two. Empty without detections. Tentative detections, those beyond the lens's
+/// range and those that contradict better evidence take no part. Corners are enough: an empty view
+/// stands for an image that isn't at hand. Throws std::invalid_argument if a detection is not of
+/// this set, its corners are not finite and convex or their covariance is not positive definite,
+/// or if the image's size is not the camera's.
 std::vector<Pose> estimate_poses(const ImageView& image, const std::vector<Detection>& detections,
                                  const MarkerSet& markers, const Camera& camera,
                                  const PoseOptions& options = {});
