@@ -288,7 +288,7 @@ std::optional<Vector2d> Camera::project(const Eigen::Vector3d& point,
 
 std::optional<Vector2d> Camera::unproject(const Vector2d& pixel, Matrix2d* jacobian) const {
   const Vector2d distorted((pixel.x() - cx) / fx, (pixel.y() - cy) / fy);
-  const std::optional<Vector2d> normalised = undistort(distorted, jacobian);
+  std::optional<Vector2d> normalised = undistort(distorted, jacobian);
   if (normalised && jacobian != nullptr) {
     jacobian->col(0) /= fx;
     jacobian->col(1) /= fy;

@@ -20,7 +20,7 @@ struct Stretch {
 Stretch measure(const std::vector<Point>& points, std::size_t from, std::size_t to) {
   Stretch stretch{from, to};
   const std::size_t n = points.size();
-  const Point a = points[from % n];
+  const Point& a = points[from % n];
   const Point chord = points[to % n] - a;
   const double length = chord.norm();
   for (std::size_t i = from + 1; i < to; ++i) {

@@ -153,7 +153,7 @@ DistanceBound check(const Demand& demand, const std::optional<int>& wanted,
       refuse(whose + " need at least " + std::to_string(demand.black.least) +
              " black cells, but their child cells leave only " +
              std::to_string(size - std::popcount(group.white)));
-  const DistanceBound bound = distance_bound(demand);
+  DistanceBound bound = distance_bound(demand);
   if (bound.distance < 1)
     refuse("with these child cells and black cells, all codes of " + whose +
            " look the same when turned");

@@ -39,9 +39,13 @@ void mark_conflicts(const std::vector<Word>& codes, const FourTurns& turns, int 
   const Word* code = codes.data();
   std::uint8_t* hit = hits.data();
   const std::size_t size = codes.size();  // a byte pointer may alias the vector's own size
+  const auto conflicts = [tau](Word difference) {
+    return static_cast<unsigned>(count_bits(difference) < tau);
+  };
   for (std::size_t i = 0; i < size; ++i) {
-    const bool near = (count_bits(code[i] ^ a) < tau) | (count_bits(code[i] ^ b) < tau) |
-                      (count_bits(code[i] ^ c) < tau) | (count_bits(code[i] ^ d) < tau);
+    const unsigned near =
+        conflicts(static_cast<Word>(code[i] ^ a)) | conflicts(static_cast<Word>(code[i] ^ b)) |
+        conflicts(static_cast<Word>(code[i] ^ c)) | conflicts(static_cast<Word>(code[i] ^ d));
     hit[i] = static_cast<std::uint8_t>(hit[i] | near);
   }
 }

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <initializer_list>
 #include <string>
 
@@ -27,7 +28,7 @@ std::string hex(const Color& color) {
   static constexpr char kDigits[] = "0123456789abcdef";
   std::string out = "#";
   for (const double share : {color.r, color.g, color.b}) {
-    const int byte = static_cast<int>(share * 255.0 + 0.5);
+    const int byte = static_cast<int>(std::lround(share * 255.0));
     out += kDigits[byte / 16];
     out += kDigits[byte % 16];
   }
