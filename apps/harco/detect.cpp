@@ -1,9 +1,390 @@
+// harco detect: what is seen in pictures, videos and streams, and where it stands.
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
+#include "annotate.hpp"
+#include "explain.hpp"
+#include "frames.hpp"
+#include "harco/camera.hpp"
+#include "harco/detect.hpp"
+#include "harco/error.hpp"
+#include "harco/pose.hpp"
+#include "harco/track.hpp"
+#include "interrupt.hpp"
+#include "ordered_work.hpp"
+#include "output_stream.hpp"
+#include "overlay.hpp"
+#include "progress.hpp"
+#include "results.hpp"
 #include "verbs.hpp"
 
 namespace harco::cli {
+namespace {
 
-void add_detect(CLI::App& app) { app.add_subcommand("detect"); }
+constexpr int kSomeFailed = 1;
+constexpr double kUsualFrameRate = 30.0;
+
+struct DetectOptions {
+  std::string markers_file;
+  std::string camera_file;
+  std::vector<std::string> sources;
+
+  std::string output = "-";
+  std::string format = "json";
+  std::string csv_file;
+  std::string annotate;
+  std::string explain;
+
+  std::string fusion = "joint";
+  DetectorOptions detector;
+  bool track = false;
+  std::tuple<int, int, int> memory{3, 3, 10};  ///< a, b, c of the paper's rule
+  double time_constant_s = 0.1;
+  double frame_rate = 0.0;
+  int jobs = 1;
+};
+
+/// A frame on its way from the threads that look at it to the one that writes.
+struct Finished {
+  Frame frame;
+  FrameResult result;
+  ColourImage annotated;  ///< empty unless it was asked for
+};
+
+/// Looks at frames: a detector and all that it needs to become poses.
+class Observer {
+ public:
+  Observer(const DetectOptions& options, const MarkerSet& markers,
+           const std::optional<Camera>& camera)
+      : options_(options),
+        camera_(camera),
+        pose_options_{options.fusion == "paper" ? Fusion::paper : Fusion::joint},
+        detector_(markers, detector_options()) {
+    if (options.track) start_tracking();
+  }
+
+  /// Whether frames are wanted in colour.
+  static bool needs_colour(const DetectOptions& options) {
+    return !options.annotate.empty() || !options.explain.empty();
+  }
+
+  Finished look_at(Frame frame) {
+    load(frame, needs_colour(options_));
+    Finished finished{std::move(frame), {}, {}};
+    FrameResult& result = finished.result;
+    result.frame = finished.frame.number;
+    result.source = finished.frame.source;
+    result.timestamp_s = finished.frame.timestamp_s;
+    result.error = finished.frame.error;
+    if (!result.error.empty()) return finished;
+
+    result.width = finished.frame.picture.grey.width;
+    result.height = finished.frame.picture.grey.height;
+    if (camera_ && (result.width != camera_->width || result.height != camera_->height)) {
+      result.error = fmt::format("{}: is {} x {} pixels, but the camera of {} has {} x {}",
+                                 result.source, result.width, result.height, options_.camera_file,
+                                 camera_->width, camera_->height);
+      return finished;
+    }
+    measure(finished);
+    return finished;
+  }
+
+ private:
+  DetectorOptions detector_options() const {
+    DetectorOptions all = options_.detector;
+    all.camera = camera_;
+    all.tentative_bit_errors = options_.track ? std::get<0>(options_.memory) : 0;
+    return all;
+  }
+
+  void start_tracking() {
+    const auto [a, b, c] = options_.memory;
+    memory_.emplace(MemoryOptions{a, b, c});
+    // The joint solution is not improved by a filter that knows nothing of motion.
+    if (pose_options_.fusion == Fusion::paper) low_pass_.emplace(options_.time_constant_s);
+  }
+
+  void measure(Finished& finished) {
+    const Frame& frame = finished.frame;
+    FrameResult& result = finished.result;
+    const ImageView image = frame.picture.grey.view();
+    DetectionTrace trace;
+    result.detections = detector_.detect(image, options_.explain.empty() ? nullptr : &trace);
+    if (options_.track) {
+      if (frame.sequence != sequence_) start_tracking();
+      sequence_ = frame.sequence;
+      result.detections = memory_->confirm(result.detections);
+    }
+    if (camera_)
+      result.poses =
+          estimate_poses(image, result.detections, detector_.markers(), *camera_, pose_options_);
+    if (low_pass_) result.poses = low_pass_->filter(result.poses, result.timestamp_s);
+
+    if (!needs_colour(options_)) return;
+    const Overlay overlay = overlay_of(result, detector_.markers(), camera_);
+    if (!options_.explain.empty())
+      explain(options_.explain, frame, result, trace, detector_.placed(), overlay);
+    if (options_.annotate.empty()) return;
+    finished.annotated = frame.picture.colour;
+    media().draw(overlay, finished.annotated);
+  }
+
+  const DetectOptions& options_;
+  const std::optional<Camera>& camera_;
+  PoseOptions pose_options_;
+  Detector detector_;
+  std::optional<Memory> memory_;
+  std::optional<LowPass> low_pass_;
+  std::size_t sequence_ = 0;
+};
+
+/// Takes finished frames in order and writes all that was asked for.
+class Report {
+ public:
+  Report(const DetectOptions& options, const Frames& frames)
+      : csv_(options.format == "csv"), output_(options.output, frames.live()) {
+    if (!options.csv_file.empty()) csv_file_.emplace(options.csv_file, frames.live());
+    if (!options.annotate.empty())
+      annotations_.emplace(options.annotate, frames.count() == std::size_t{1});
+  }
+
+  void add(const Finished& finished) {
+    if (!finished.result.error.empty()) ++failed_;
+    // A failure that stays alone is bad input and leaves no output: wait for what follows.
+    if (count_++ == 0 && failed_ == 1) {
+      first_failure_ = finished.result;
+      return;
+    }
+    flush_first_failure();
+    write(finished.result);
+    if (annotations_ && !finished.annotated.bgr.empty())
+      annotations_->add(finished.frame, finished.annotated);
+  }
+
+  /// All frames have come. Returns how many have failed. Throws Error if that is all there was.
+  int finish() {
+    if (first_failure_) throw Error(first_failure_->error);
+    if (!header_written_) write_header();
+    output_.commit();
+    if (csv_file_) csv_file_->commit();
+    if (annotations_) annotations_->commit();
+    return failed_;
+  }
+
+  int count() const { return count_; }
+
+ private:
+  void write_header() {
+    header_written_ = true;
+    if (csv_) output_.write(csv_header());
+    if (csv_file_) csv_file_->write(csv_header());
+  }
+
+  void write(const FrameResult& result) {
+    if (!header_written_) write_header();
+    if (!result.error.empty()) fmt::print(stderr, "harco: {}\n", result.error);
+    output_.write(csv_ ? csv_rows(result) : json_line(result));
+    if (csv_file_) csv_file_->write(csv_rows(result));
+  }
+
+  void flush_first_failure() {
+    if (first_failure_) write(*first_failure_);
+    first_failure_.reset();
+  }
+
+  bool csv_;
+  OutputStream output_;
+  std::optional<OutputStream> csv_file_;
+  std::optional<Annotations> annotations_;
+  std::optional<FrameResult> first_failure_;
+  bool header_written_ = false;
+  int count_ = 0;
+  int failed_ = 0;
+};
+
+/// `all` is 0 if nobody knows how many frames there will be.
+void show_progress(ProgressBar& progress, int done, std::size_t all) {
+  if (all > 0)
+    progress.show(done / static_cast<double>(all), fmt::format("{} of {} frames", done, all));
+  else
+    progress.show(0.0, fmt::format("{} frames", done));
+}
+
+void run(DetectOptions options) {
+  const MarkerSet markers = load_markers(options.markers_file);
+  std::optional<Camera> camera;
+  if (!options.camera_file.empty()) camera = load_camera(options.camera_file);
+  if (options.track && options.frame_rate == 0.0) options.frame_rate = kUsualFrameRate;
+  // What one frame leaves behind for the next needs them in order.
+  const int jobs = options.track ? 1 : options.jobs;
+
+  std::vector<Observer> observers;
+  for (int i = 0; i < jobs; ++i) observers.emplace_back(options, markers, camera);
+  Frames frames(options.sources, options.frame_rate, Observer::needs_colour(options));
+  Report report(options, frames);
+  std::atomic<std::size_t> expected = 0;
+  ProgressBar progress("harco detect");
+  const InterruptGuard interrupt;
+
+  work_in_order(
+      jobs,
+      [&]() -> std::optional<Frame> {
+        if (interrupt.interrupted()) return std::nullopt;
+        std::optional<Frame> frame = frames.next();
+        expected = frames.count().value_or(0);  // a video says so once it is open
+        return frame;
+      },
+      [&](std::size_t worker, Frame frame) { return observers[worker].look_at(std::move(frame)); },
+      [&](const Finished& finished) {
+        report.add(finished);
+        show_progress(progress, report.count(), expected);
+      });
+  if (report.finish() > 0) throw ExitStatus{kSomeFailed};
+}
+
+constexpr const char* kSourcesHelp =
+    "A picture, a folder of pictures, a video, camera:0 or /dev/video0, or pgm:PATH or pgm:- for "
+    "binary PGM images one after the other in a file, a named pipe or on standard input";
+
+/// Breaks a description into lines that fit beside the options' names.
+std::string wrapped(const std::string& text) {
+  constexpr std::size_t kColumns = 66;
+  std::istringstream words(text);
+  std::string lines, word;
+  std::size_t column = 0;
+  while (words >> word) {
+    const bool breaks = column > 0 && column + 1 + word.size() > kColumns;
+    if (column > 0) lines += breaks ? '\n' : ' ';
+    column = (column == 0 || breaks ? 0 : column + 1) + word.size();
+    lines += word;
+  }
+  return lines;
+}
+
+constexpr const char* kExamples = R"(Examples:
+  harco detect --markers deck/markers.json photo.jpg
+  harco detect --markers deck/markers.json --camera camera.yaml --output poses.jsonl flight.mp4
+  harco detect --markers deck/markers.json --camera camera.yaml --annotate seen/ pictures/
+  harco detect --markers deck/markers.json --explain why/ photo.jpg
+  ffmpeg -i rtsp://drone -f image2pipe -c:v pgm - |
+    harco detect --markers deck/markers.json --camera camera.yaml pgm:-
+
+A line of output is a frame: {"frame", "source", "timestamp_s", "size", "markers", "poses"}.
+Exit status: 0 all frames were read, 1 some could not be (their lines hold an "error"), 2 bad input.)";
+
+}  // namespace
+
+void add_detect(CLI::App& app) {
+  auto options = std::make_shared<DetectOptions>();
+  CLI::App* verb = app.add_subcommand("detect", "Find markers in pictures, videos or a camera");
+  verb->footer(kExamples);
+  verb->get_formatter()->column_width(34);
+
+  verb->add_option("SOURCE", options->sources, wrapped(kSourcesHelp))->required();
+  verb->add_option("--markers", options->markers_file,
+                   wrapped("The markers to look for (markers.json)"))
+      ->required()
+      ->type_name("FILE");
+  verb->add_option(
+          "--camera", options->camera_file,
+          wrapped("Calibration as OpenCV or ROS write it (YAML); without it there are no poses"))
+      ->type_name("FILE");
+
+  const std::string out = "Output";
+  verb->add_option("--output", options->output, wrapped("Where the lines go; - is standard output"))
+      ->type_name("FILE")
+      ->capture_default_str()
+      ->group(out);
+  verb->add_option("--format", options->format, wrapped("json: an object a line; csv: a table"))
+      ->check(CLI::IsMember({"json", "csv"}))
+      ->type_name("NAME")
+      ->capture_default_str()
+      ->group(out);
+  verb->add_option("--csv", options->csv_file, wrapped("Write the table as well"))
+      ->type_name("FILE")
+      ->group(out);
+  verb->add_option(
+          "--annotate", options->annotate,
+          wrapped("Draw what was found: into a folder (a picture a picture, a video a video), or "
+                  "into one file (.png, .mp4, …)"))
+      ->type_name("FOLDER|FILE")
+      ->group(out);
+  verb->add_option(
+          "--explain", options->explain,
+          wrapped("Draw every stage of every frame and list what became of each quad, and why"))
+      ->type_name("FOLDER")
+      ->group(out);
+
+  const std::string detection = "Detection and pose";
+  verb->add_option(
+          "--fusion", options->fusion,
+          wrapped("How markers of one parent become its pose: joint is the best estimate, paper "
+                  "averages by area as the paper does"))
+      ->check(CLI::IsMember({"joint", "paper"}))
+      ->type_name("NAME")
+      ->capture_default_str()
+      ->group(detection);
+  verb->add_option("--min-side", options->detector.min_side_px,
+                   wrapped("Smallest side of a marker looked for, in pixels"))
+      ->type_name("PX")
+      ->capture_default_str()
+      ->group(detection);
+  verb->add_option("--max-bit-errors", options->detector.max_bit_errors,
+                   wrapped("Wrong bits corrected in a code without other evidence"))
+      ->type_name("N")
+      ->capture_default_str()
+      ->group(detection);
+  verb->add_option("--min-quality,--kappa", options->detector.min_quality,
+                   wrapped("Least quality of a detection, 0 to 1"))
+      ->type_name("Q")
+      ->capture_default_str()
+      ->group(detection);
+
+  const std::string time = "Frames over time";
+  verb->add_flag(
+          "--track", options->track,
+          wrapped("Use earlier frames too: believe a code with more wrong bits if its marker was "
+                  "seen before and, with --fusion paper, smooth the poses"))
+      ->group(time);
+  verb->add_option(
+          "--memory", options->memory,
+          wrapped("With --track: a code with up to A wrong bits is believed if its marker was "
+                  "seen in more than B of the last C frames"))
+      ->type_name("A B C")
+      ->default_str("3 3 10")
+      ->group(time);
+  verb->add_option(
+          "--time-constant", options->time_constant_s,
+          wrapped("With --track and --fusion paper: of the smoothing, in seconds; 0 is none"))
+      ->check(CLI::Range(0.0, 1e6).description(""))
+      ->type_name("S")
+      ->capture_default_str()
+      ->group(time);
+  verb->add_option(
+          "--frame-rate", options->frame_rate,
+          wrapped("Frames a second of sources that don't say when a frame was taken; by default "
+                  "all are taken at 0 s, with --track 30 a second"))
+      ->check(CLI::Range(0.0, 1e6).description(""))
+      ->type_name("HZ")
+      ->group(time);
+  verb->add_option(
+          "--jobs", options->jobs,
+          wrapped("Frames looked at at once; the output is the same (with --track always one)"))
+      ->check(CLI::Range(1, 256).description(""))
+      ->type_name("N")
+      ->capture_default_str()
+      ->group(time);
+
+  verb->callback([options] { run(*options); });
+}
 
 }  // namespace harco::cli

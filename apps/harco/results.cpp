@@ -1,0 +1,185 @@
+#include "results.hpp"
+
+#include <cmath>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+namespace harco::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+template <typename Vector>
+Json vector_json(const Vector& vector) {
+  Json list = Json::array();
+  for (Eigen::Index i = 0; i < vector.size(); ++i) list.push_back(number(vector(i)));
+  return list;
+}
+
+template <typename Matrix>
+Json matrix_json(const Matrix& matrix) {
+  Json rows = Json::array();
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) rows.push_back(vector_json(matrix.row(i)));
+  return rows;
+}
+
+bool is_known(const std::optional<Matrix6d>& covariance) {
+  return covariance && covariance->allFinite();
+}
+
+Json marker_json(const Detection& detection) {
+  Json corners = Json::array();
+  for (const Eigen::Vector2d& corner : detection.corners) corners.push_back(vector_json(corner));
+  return {{"parent", detection.parent},
+          {"layer", detection.layer},
+          {"id", detection.id},
+          {"corners", corners},
+          {"bit_errors", detection.bit_errors},
+          {"quality", number(detection.quality)}};
+}
+
+Json pose_json(const Pose& pose) {
+  return {{"parent", pose.parent},
+          {"rotation", matrix_json(pose.camera_T_marker.rotation())},
+          {"translation", vector_json(pose.camera_T_marker.translation())},
+          {"covariance", is_known(pose.covariance) ? matrix_json(*pose.covariance) : Json(nullptr)},
+          {"rms_px", number(pose.rms_px)},
+          {"markers", pose.markers}};
+}
+
+/// One row of CSV by the names of its columns.
+class Row {
+ public:
+  static const std::vector<std::string>& columns();
+
+  explicit Row(const FrameResult& result) : cells_(columns().size()) {
+    set("frame", std::to_string(result.frame));
+    set("source", quoted(result.source));
+    set("timestamp_s", result.timestamp_s);
+    if (result.width > 0) {
+      set("width", std::to_string(result.width));
+      set("height", std::to_string(result.height));
+    }
+  }
+
+  void set(const std::string& column, const std::string& text) {
+    for (std::size_t i = 0; i < cells_.size(); ++i)
+      if (columns()[i] == column) cells_[i] = text;
+  }
+  void set(const std::string& column, const char* text) { set(column, std::string(text)); }
+  void set(const std::string& column, int value) { set(column, std::to_string(value)); }
+  void set(const std::string& column, double value) {
+    if (std::isfinite(value)) set(column, fmt::format("{}", value));
+  }
+
+  std::string line() const { return fmt::format("{}\n", fmt::join(cells_, ",")); }
+
+  /// RFC 4180: in quotes if it needs to be, quotes doubled.
+  static std::string quoted(const std::string& text) {
+    if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+    std::string result = "\"";
+    for (const char c : text) {
+      if (c == '"') result += '"';
+      result += c;
+    }
+    return result + '"';
+  }
+
+ private:
+  std::vector<std::string> cells_;
+};
+
+std::string indexed(const char* name, Eigen::Index i) { return fmt::format("{}{}", name, i + 1); }
+std::string indexed(const char* name, Eigen::Index i, Eigen::Index j) {
+  return fmt::format("{}{}{}", name, i + 1, j + 1);
+}
+
+const std::vector<std::string>& Row::columns() {
+  static const std::vector<std::string> all = [] {
+    std::vector<std::string> names{"frame",  "source", "timestamp_s", "width", "height",
+                                   "record", "parent", "layer",       "id"};
+    for (int i = 0; i < 4; ++i) {
+      names.push_back(indexed("x", i));
+      names.push_back(indexed("y", i));
+    }
+    names.insert(names.end(), {"bit_errors", "quality", "tx", "ty", "tz"});
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) names.push_back(indexed("r", i, j));
+    names.insert(names.end(), {"rms_px", "markers"});
+    for (int i = 0; i < 6; ++i)
+      for (int j = i; j < 6; ++j) names.push_back(indexed("c", i, j));
+    names.push_back("error");
+    return names;
+  }();
+  return all;
+}
+
+std::string marker_row(const FrameResult& result, const Detection& detection) {
+  Row row(result);
+  row.set("record", "marker");
+  row.set("parent", detection.parent);
+  row.set("layer", detection.layer);
+  row.set("id", detection.id);
+  for (std::size_t i = 0; i < 4; ++i) {
+    row.set(indexed("x", static_cast<int>(i)), detection.corners[i].x());
+    row.set(indexed("y", static_cast<int>(i)), detection.corners[i].y());
+  }
+  row.set("bit_errors", detection.bit_errors);
+  row.set("quality", detection.quality);
+  return row.line();
+}
+
+std::string pose_row(const FrameResult& result, const Pose& pose) {
+  Row row(result);
+  row.set("record", "pose");
+  row.set("parent", pose.parent);
+  const Eigen::Vector3d t = pose.camera_T_marker.translation();
+  row.set("tx", t.x());
+  row.set("ty", t.y());
+  row.set("tz", t.z());
+  const Eigen::Matrix3d r = pose.camera_T_marker.rotation();
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) row.set(indexed("r", i, j), r(i, j));
+  row.set("rms_px", pose.rms_px);
+  row.set("markers", pose.markers);
+  if (is_known(pose.covariance))
+    for (int i = 0; i < 6; ++i)
+      for (int j = i; j < 6; ++j) row.set(indexed("c", i, j), (*pose.covariance)(i, j));
+  return row.line();
+}
+
+}  // namespace
+
+std::string json_line(const FrameResult& result) {
+  Json line{{"frame", result.frame},
+            {"source", result.source},
+            {"timestamp_s", number(result.timestamp_s)},
+            {"size", nullptr},
+            {"markers", Json::array()},
+            {"poses", Json::array()}};
+  if (result.width > 0) line["size"] = {result.width, result.height};
+  for (const Detection& detection : result.detections)
+    line["markers"].push_back(marker_json(detection));
+  for (const Pose& pose : result.poses) line["poses"].push_back(pose_json(pose));
+  if (!result.error.empty()) line["error"] = result.error;
+  // A file's name need not be UTF-8; what isn't is replaced.
+  return line.dump(-1, ' ', false, Json::error_handler_t::replace) + '\n';
+}
+
+std::string csv_header() { return fmt::format("{}\n", fmt::join(Row::columns(), ",")); }
+
+std::string csv_rows(const FrameResult& result) {
+  std::string rows;
+  for (const Detection& detection : result.detections) rows += marker_row(result, detection);
+  for (const Pose& pose : result.poses) rows += pose_row(result, pose);
+  if (!rows.empty()) return rows;
+  Row row(result);
+  row.set("record", result.error.empty() ? "none" : "error");
+  row.set("error", Row::quoted(result.error));
+  return row.line();
+}
+
+}  // namespace harco::cli

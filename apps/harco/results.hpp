@@ -1,0 +1,31 @@
+// What is said about a frame: one JSON object a line, or rows of CSV.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "harco/detect.hpp"
+#include "harco/pose.hpp"
+
+namespace harco::cli {
+
+struct FrameResult {
+  std::size_t frame = 0;
+  std::string source;
+  double timestamp_s = 0.0;
+  int width = 0, height = 0;  ///< 0 if the frame couldn't be read
+  std::vector<Detection> detections;
+  std::vector<Pose> poses;
+  std::string error;
+};
+
+/// One line with its end, all numbers so that they read back to the same double.
+std::string json_line(const FrameResult& result);
+
+/// A table with a row for every marker (record `marker`) and every pose (record `pose`); a frame
+/// without either has one row (record `none` or `error`). What a record doesn't have is left empty.
+std::string csv_header();
+std::string csv_rows(const FrameResult& result);
+
+}  // namespace harco::cli
