@@ -194,7 +194,7 @@ void add_generate(CLI::App& app) {
       ->capture_default_str()
       ->group(codes);
   verb.add_option("--time-limit", dictionary.time_limit_s,
-                  "Seconds after which the best codes so far are taken, as by Ctrl-C")
+                  "Seconds after which the best codes so far are taken; Ctrl-C does so at any time")
       ->group(codes);
   add_drawing_options(verb, options->drawing);
   verb.callback([options] { generate(*options); });

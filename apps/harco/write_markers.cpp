@@ -93,9 +93,9 @@ void add_drawing_options(CLI::App& verb, DrawingOptions& options) {
   verb.add_option("--line-outside", options.line_outside, "Its part outside, likewise")
       ->group(group);
   verb.add_option("--page", options.page,
-                  "Paper of the PDF: " + CLI::detail::join(paper_names(), ", ") +
-                      ". fit makes one page as large as the sheet; others are tiled if need be. An "
-                      "SVG is always one page")
+                  "Paper of the PDF. fit makes one page as large as the sheet; others are tiled if "
+                  "need be. "
+                  "An SVG is always one page")
       ->check(CLI::IsMember(paper_names(), CLI::ignore_case))
       ->capture_default_str()
       ->group(group);

@@ -30,6 +30,7 @@ constexpr std::array<Named, 11> kPapers{{{"fit", {0.0, 0.0}},
 
 std::vector<std::string> paper_names() {
   std::vector<std::string> names;
+  names.reserve(kPapers.size());
   for (const Named& known : kPapers) names.emplace_back(known.name);
   return names;
 }
