@@ -18,6 +18,7 @@ void Monitor::begin(double from, double to, double work) {
   share_to_ = to;
   work_allowed_ = work;
   work_done_ = 0.0;
+  next_call_ = Clock::time_point{};  // a new dictionary is worth a call at once
   look_at_clock();
 }
 
