@@ -48,8 +48,9 @@ struct DetectorOptions {
   /// one more.
   int max_bit_errors = 1;
 
-  /// Detections below this quality are dropped (the paper's kappa).
-  double min_quality = 0.7;
+  /// Detections below this quality are dropped (the paper's kappa). A corrected bit asks for more:
+  /// each leaves two fifths of what the quality may lack.
+  double min_quality = 0.75;
 
   /// The paper's a (section 3.4 c): codes with up to so many wrong bits, beyond max_bit_errors, are
   /// returned as tentative for `Memory` to confirm. 0: none are.

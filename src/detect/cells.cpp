@@ -67,7 +67,7 @@ void unmix(std::vector<double>& values, int m, double share) {
 
 std::optional<CellGrid> read_cells(const ImageView& image, const Lens& lens,
                                    const Eigen::Matrix3d& image_H_cells, int n, double cell_px,
-                                   bool child, int least_black) {
+                                   double blur_px, bool child, int least_black) {
   const auto grey_at = [&](double x, double y) -> std::optional<double> {
     const Eigen::Vector3d h = image_H_cells * Eigen::Vector3d(x, y, 1.0);
     const auto pixel = lens.from_ideal(h.hnormalized());
@@ -101,10 +101,8 @@ std::optional<CellGrid> read_cells(const ImageView& image, const Lens& lens,
       grid.values[static_cast<std::size_t>(row * m + column)] = *mean;
       if (on_ring(row, column, m)) ring.add(column, row, *mean);
     }
-  // Standard deviation of blur, the pixel's square and the interpolation together.
-  constexpr double kBlur = 0.78;
-  const double share = 0.5 * (1.0 - std::erf(cell_px / (2.0 * std::sqrt(2.0) * kBlur)));
-  unmix(grid.values, m, std::min(share, 0.2));
+  const double share = 0.5 * (1.0 - std::erf(cell_px / (2.0 * std::sqrt(2.0) * blur_px)));
+  unmix(grid.values, m, std::min(share, 0.22));
 
   const Plane ring_level = ring.solve();
   if (child) {

@@ -21,11 +21,12 @@ struct CellGrid {
 
 /// Reads the cells of a parent (black ring, white paper around it) or a child (white ring).
 /// `image_H_cells` maps cell coordinates, (0, 0) … (n+2, n+2), to ideal pixels; `cell_px` is the
-/// least side of a cell in pixels. `least_black` is the least number of black cells in a code of
-/// this kind. Empty if part of it lies outside of the image.
+/// least side of a cell in pixels, `blur_px` the standard deviation of the blur that is taken off
+/// again. `least_black` is the least number of black cells in a code of this kind. Empty if part of
+/// it lies outside of the image.
 std::optional<CellGrid> read_cells(const ImageView& image, const Lens& lens,
                                    const Eigen::Matrix3d& image_H_cells, int n, double cell_px,
-                                   bool child, int least_black);
+                                   double blur_px, bool child, int least_black);
 
 /// Number of cells of the ring that are not of its colour.
 int wrong_ring_cells(const CellGrid& grid, bool child);

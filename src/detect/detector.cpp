@@ -34,6 +34,12 @@ constexpr double kLevels[] = {0.5, 0.68};
 // From this share of the span between black and white a cell counts as white: cells that hold
 // children are darker than paper.
 constexpr double kWhiteLevel = 0.42;
+// Blur of lens, pixel and interpolation together (standard deviation in pixels): of a sharp camera,
+// and of one slightly out of focus. The second is tried where the first reads nothing and cells are
+// so small that it matters.
+constexpr double kSharp = 0.78;
+constexpr double kSoft = 1.15;
+constexpr double kSmallCell = 5.0;
 // Ring cells that glare, dirt or blur may have turned, as a share of the ring.
 constexpr double kWrongRingShare = 0.1;
 
@@ -125,8 +131,9 @@ struct Detector::Impl {
   std::vector<Detection> detect(const ImageView& image, DetectionTrace* trace);
   void find_shapes(const ImageView& image, DetectionTrace* trace);
   void examine(const ImageView& image, const Shape& shape);
+  double required_quality(int errors) const;
   Rejection identify(const ImageView& image, Candidate& candidate, const Codebook& book,
-                     const detect::FittedQuad& fitted);
+                     const detect::FittedQuad& fitted, double blur_px);
   std::vector<Detection> settle();
   void reject(const Found& found, Rejection why);
 
@@ -180,9 +187,17 @@ void Detector::Impl::find_shapes(const ImageView& image, DetectionTrace* trace) 
   }
 }
 
+/// A code that had to be corrected needs a better picture: each bit takes away three fifths of what
+/// the quality may lack. Texture that comes near a code by chance looks like it less than a marker
+/// does whose cells were misread.
+double Detector::Impl::required_quality(int errors) const {
+  return 1.0 - (1.0 - options.min_quality) * std::pow(0.4, errors);
+}
+
 /// Decodes a fitted quad against one book. On success the detection is added to `found`.
 Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
-                                   const Codebook& book, const detect::FittedQuad& fitted) {
+                                   const Codebook& book, const detect::FittedQuad& fitted,
+                                   double blur_px) {
   const int n = book.cells();
   const int m = n + 2;
   const bool child = candidate.hole;
@@ -193,8 +208,8 @@ Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
   unit_of_cells << 1.0, 0.0, -inset, 0.0, 1.0, -inset, 0.0, 0.0, m - 2.0 * inset;
   const Eigen::Matrix3d image_H_cells = detect::square_homography(fitted.corners) * unit_of_cells;
   const double cell_px = detect::shortest_side(fitted.corners) / (m - 2.0 * inset);
-  const auto grid =
-      detect::read_cells(image, lens, image_H_cells, n, cell_px, child, least_black[{child, n}]);
+  const auto grid = detect::read_cells(image, lens, image_H_cells, n, cell_px, blur_px, child,
+                                       least_black[{child, n}]);
   char note[96];
   if (!grid) return Rejection::shape;
   if (grid->contrast < 8.0) {
@@ -232,7 +247,7 @@ Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
   std::snprintf(note, sizeof note, "%d bit errors, quality %.3f", best->errors, quality);
   candidate.note = note;
   candidate.placed = best->placed;
-  if (quality < options.min_quality) return Rejection::quality;
+  if (quality < required_quality(best->errors)) return Rejection::quality;
 
   const PlacedMarker& marker = placed[static_cast<std::size_t>(best->placed)];
   Detection detection;
@@ -291,7 +306,10 @@ void Detector::Impl::examine(const ImageView& image, const Shape& shape) {
         candidate.rejection = Rejection::shape;
         continue;
       }
-      candidate.rejection = identify(image, candidate, book, *fitted);
+      candidate.rejection = identify(image, candidate, book, *fitted, kSharp);
+      const bool small = detect::mean_side(fitted->corners) < kSmallCell * (book.cells() + 2);
+      if (candidate.rejection != Rejection::none && small)
+        candidate.rejection = identify(image, candidate, book, *fitted, kSoft);
       if (candidate.rejection == Rejection::none) break;
     }
   candidates.push_back(std::move(candidate));
