@@ -1,0 +1,301 @@
+// The detector's stages one by one, on input whose answer is known by hand.
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "detect/cells.hpp"
+#include "detect/codebook.hpp"
+#include "detect/contours.hpp"
+#include "detect/edges.hpp"
+#include "detect/quad.hpp"
+#include "detect/sample.hpp"
+#include "detect/square_homography.hpp"
+#include "detect/threshold.hpp"
+#include "harco/geometry.hpp"
+
+namespace harco::detect {
+namespace {
+
+Image square_image(int size, int from, int to, std::uint8_t outside, std::uint8_t inside) {
+  Image image(size, size, outside);
+  for (int y = from; y < to; ++y)
+    for (int x = from; x < to; ++x) image.row(y)[x] = inside;
+  return image;
+}
+
+std::vector<Contour> contours_of(const Image& image, double level = 0.5) {
+  TileExtremes extremes;
+  extremes.measure(image.view());
+  ThresholdMap map;
+  extremes.threshold(image.view(), {level, 16}, map);
+  std::vector<Contour> contours;
+  BorderFollower().follow(map, 4, 0.0, [&](const Contour& c) { contours.push_back(c); });
+  return contours;
+}
+
+TEST(Threshold, LiesBetweenTheExtremesNearby) {
+  const Image image = square_image(24, 8, 16, 200, 40);
+  TileExtremes extremes;
+  extremes.measure(image.view());
+  ThresholdMap map;
+  extremes.threshold(image.view(), {0.5, 16}, map);
+  // 40 + 0.5 * (200 - 40) = 120.
+  EXPECT_EQ(map.row(10)[10], (40 - 120) * ThresholdMap::kScale);
+  EXPECT_EQ(map.row(5)[5], (200 - 120) * ThresholdMap::kScale);
+  extremes.threshold(image.view(), {0.75, 16}, map);
+  EXPECT_EQ(map.row(10)[10], (40 - 160) * ThresholdMap::kScale);
+}
+
+TEST(Threshold, TakesWhatHasNoContrastForBright) {
+  const Image image = square_image(24, 8, 16, 105, 95);
+  TileExtremes extremes;
+  extremes.measure(image.view());
+  ThresholdMap map;
+  extremes.threshold(image.view(), {0.5, 16}, map);
+  for (int y = -1; y <= 24; ++y)
+    for (int x = -1; x <= 24; ++x) EXPECT_GT(map.row(y)[x], 0);
+}
+
+TEST(Contours, FollowADarkSquareAtHalfPixels) {
+  const std::vector<Contour> contours = contours_of(square_image(32, 10, 20, 200, 0));
+  ASSERT_EQ(contours.size(), 1U);
+  EXPECT_FALSE(contours[0].hole);
+  EXPECT_FALSE(contours[0].at_image_edge);
+  EXPECT_EQ(contours[0].points.size(), 40U);
+  // From 9.5 to 19.5 each way, the four corners cut at 45 degrees: 100 - 4 * 0.125.
+  EXPECT_NEAR(contours[0].area, 99.5, 1e-9);
+}
+
+TEST(Contours, TellHolesFromIslands) {
+  Image image = square_image(40, 8, 32, 200, 0);
+  for (int y = 12; y < 28; ++y)
+    for (int x = 12; x < 28; ++x) image.row(y)[x] = 200;
+  const std::vector<Contour> contours = contours_of(image);
+  ASSERT_EQ(contours.size(), 2U);
+  EXPECT_FALSE(contours[0].hole);
+  EXPECT_TRUE(contours[1].hole);
+  EXPECT_NEAR(contours[1].area, 256.0 - 0.5, 1e-9);
+}
+
+TEST(Contours, SeeTheGreyBetweenPixels) {
+  // The left column of the square is 3/4 bright: its border moves right, to where the grey passes
+  // the threshold of 100 between 150 and 0.
+  Image image = square_image(32, 10, 20, 200, 0);
+  for (int y = 10; y < 20; ++y) image.row(y)[10] = 150;
+  const std::vector<Contour> contours = contours_of(image);
+  ASSERT_EQ(contours.size(), 1U);
+  double left = 100.0;
+  for (const Point& point : contours[0].points) left = std::min(left, point.x());
+  EXPECT_NEAR(left, 10.0 + 50.0 / 150.0, 1e-9);
+}
+
+TEST(Contours, KnowWhereTheImageEnds) {
+  Image image(32, 32, 200);
+  for (int y = 5; y < 15; ++y)
+    for (int x = 0; x < 10; ++x) image.row(y)[x] = 0;
+  const std::vector<Contour> contours = contours_of(image);
+  ASSERT_EQ(contours.size(), 1U);
+  EXPECT_TRUE(contours[0].at_image_edge);
+}
+
+TEST(Contours, JoinDarkPixelsAtACornerOnlyIfTheGreyBetweenIsDark) {
+  const auto touching = [](std::uint8_t dark, std::uint8_t bright) {
+    Image image(24, 24, bright);
+    for (int i = 0; i < 4; ++i)
+      for (int j = 0; j < 4; ++j) image.row(8 + i)[8 + j] = image.row(12 + i)[12 + j] = dark;
+    // An extreme on the other side moves the threshold, not the pixels.
+    return image;
+  };
+  Image bright_saddle = touching(60, 255);
+  bright_saddle.row(10)[10] = 0;  // threshold 127.5: the mean of 60 and 255 lies above
+  EXPECT_EQ(contours_of(bright_saddle).size(), 2U);
+  Image dark_saddle = touching(0, 200);
+  dark_saddle.row(6)[6] = 255;  // threshold 127.5: the mean of 0 and 200 lies below
+  EXPECT_EQ(contours_of(dark_saddle).size(), 1U);
+}
+
+Contour outline(const std::vector<Point>& corners, int per_side) {
+  Contour contour;
+  double twice = 0.0;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const Point a = corners[i];
+    const Point b = corners[(i + 1) % corners.size()];
+    twice += a.x() * b.y() - a.y() * b.x();
+    for (int k = 0; k < per_side; ++k)
+      contour.points.push_back(a + (b - a) * (double(k) / per_side));
+  }
+  contour.area = std::abs(0.5 * twice);
+  contour.hole = twice < 0.0;
+  return contour;
+}
+
+TEST(Quad, FindsTheCornersOfAnyConvexOutline) {
+  const std::vector<Point> corners{{10, 12}, {60, 20}, {70, 66}, {18, 50}};
+  const auto quad = fit_quad(outline(corners, 40));
+  ASSERT_TRUE(quad);
+  for (const Point& corner : corners) {
+    double nearest = 1e9;
+    for (const Point& found : *quad) nearest = std::min(nearest, (found - corner).norm());
+    EXPECT_LT(nearest, 1e-6);
+  }
+  EXPECT_TRUE(convex(*quad));
+  EXPECT_GT(area(*quad), 0.0);
+}
+
+TEST(Quad, RunsClockwiseForHolesToo) {
+  const auto quad = fit_quad(outline({{18, 50}, {70, 66}, {60, 20}, {10, 12}}, 40));
+  ASSERT_TRUE(quad);
+  EXPECT_GT(area(*quad), 0.0);
+}
+
+TEST(Quad, RefusesWhatIsNone) {
+  EXPECT_FALSE(fit_quad(outline({{0, 0}, {40, 0}, {20, 35}}, 40)));  // triangle
+  EXPECT_FALSE(fit_quad(outline({{0, 0}, {40, 0}, {55, 25}, {20, 50}, {-15, 25}}, 40)));  // five
+  EXPECT_FALSE(fit_quad(outline({{0, 0}, {50, 0}, {12, 12}, {0, 50}}, 40)));  // not convex
+  std::vector<Point> circle;
+  for (int i = 0; i < 60; ++i) {
+    const double angle = 2.0 * std::numbers::pi * i / 60;
+    circle.emplace_back(30.0 * std::cos(angle), 30.0 * std::sin(angle));
+  }
+  EXPECT_FALSE(fit_quad(outline(circle, 3)));
+}
+
+TEST(Quad, IntersectsLines) {
+  const auto point = intersection({0, 0}, {2, 2}, {0, 4}, {4, 0});
+  ASSERT_TRUE(point);
+  EXPECT_NEAR((*point - Point(2, 2)).norm(), 0.0, 1e-12);
+  EXPECT_FALSE(intersection({0, 0}, {1, 1}, {0, 1}, {1, 2}));
+}
+
+TEST(SquareHomography, MapsTheUnitSquareToTheCorners) {
+  const Quad quad{{{3, 4}, {50, 8}, {61, 58}, {-5, 40}}};
+  const Eigen::Matrix3d H = square_homography(quad);
+  const std::array<Eigen::Vector3d, 4> square{{{0, 0, 1}, {1, 0, 1}, {1, 1, 1}, {0, 1, 1}}};
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Eigen::Vector3d h = H * square[i];
+    EXPECT_GT(h.z(), 0.0);
+    EXPECT_NEAR((h.head<2>() / h.z() - quad[i]).norm(), 0.0, 1e-9);
+  }
+}
+
+TEST(Sample, IsBilinear) {
+  Image image(3, 2);
+  image.row(0)[0] = 10;
+  image.row(0)[1] = 20;
+  image.row(1)[0] = 30;
+  image.row(1)[1] = 80;
+  // Between the four: 0.75 * (0.5 * 10 + 0.5 * 20) + 0.25 * (0.5 * 30 + 0.5 * 80) = 25.
+  EXPECT_DOUBLE_EQ(*sample(image.view(), 0.5, 0.25), 25.0);
+  EXPECT_DOUBLE_EQ(*sample(image.view(), 0.0, 1.0), 30.0);
+  EXPECT_FALSE(sample(image.view(), -0.01, 0.0));
+  EXPECT_FALSE(sample(image.view(), 2.01, 0.0));
+  EXPECT_FALSE(sample(image.view(), std::nan(""), 0.0));
+}
+
+TEST(Edges, LieWhereTheGreyUnderAStepSaysSo) {
+  // A dark square from 20.3 to 59.8 in pixel edges, its border pixels grey by the area covered.
+  const double from = 20.3;
+  const double to = 59.8;
+  Image image(80, 80, 200);
+  const auto covered = [&](int i) {
+    return std::clamp(std::min(i + 0.5, to) - std::max(i - 0.5, from), 0.0, 1.0);
+  };
+  for (int y = 0; y < 80; ++y)
+    for (int x = 0; x < 80; ++x)
+      image.row(y)[x] =
+          static_cast<std::uint8_t>(std::lround(200.0 - 180.0 * covered(x) * covered(y)));
+  SideProfile profile;
+  profile.cell_share = 1.0 / 7.0;
+  const Quad rough{{{20.9, 19.8}, {59.2, 20.6}, {60.3, 59.5}, {20.0, 60.3}}};
+  const auto fitted = fit_edges(image.view(), Lens(), rough, profile);
+  ASSERT_TRUE(fitted);
+  const Quad truth{{{from, from}, {to, from}, {to, to}, {from, to}}};
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_LT((fitted->corners[i] - truth[i]).norm(), 0.02);
+    EXPECT_GT(fitted->covariance[i].trace(), 0.0);
+    EXPECT_LT(fitted->covariance[i].trace(), 0.01);
+  }
+  // The same edges are no child's: there, bright has to lie inside.
+  profile.bright_inside = true;
+  profile.line_share = 1.0 / 14.0;
+  EXPECT_FALSE(fit_edges(image.view(), Lens(), rough, profile));
+}
+
+MarkerSet small_set() {
+  MarkerSet set;
+  set.cells = 4;
+  set.parents = {{0.1, {3, -1, parse_code("1100101000110111"), {}}},
+                 {0.1, {8, -1, parse_code("0001110101110100"), {}}}};
+  return set;
+}
+
+TEST(Codebook, FindsCodesInEveryTurn) {
+  const MarkerSet set = small_set();
+  const std::vector<PlacedMarker> placed = place(set);
+  const Codebook book(4, placed, false);
+  EXPECT_TRUE(Codebook(4, placed, true).empty());
+  EXPECT_TRUE(Codebook(5, placed, false).empty());
+  for (int i = 0; i < 2; ++i)
+    for (int turns = 0; turns < 4; ++turns) {
+      const Code seen = rotated(placed[static_cast<std::size_t>(i)].code, turns);
+      std::vector<Match> matches;
+      book.find(seen.bits, 0, matches);
+      ASSERT_EQ(matches.size(), 1U);
+      EXPECT_EQ(matches[0].placed, i);
+      EXPECT_EQ(matches[0].turns, turns);
+      matches.clear();
+      book.find(seen.bits ^ 1U, 0, matches);
+      EXPECT_TRUE(matches.empty());
+      book.find(seen.bits ^ 1U, 1, matches);
+      ASSERT_FALSE(matches.empty());
+      EXPECT_EQ(matches[0].errors, 1);
+    }
+}
+
+TEST(Codebook, NeverCorrectsBeyondHalfTheDistance) {
+  const MarkerSet set = small_set();
+  const std::vector<PlacedMarker> placed = place(set);
+  int least = distance(placed[0].code, placed[1].code);
+  for (const PlacedMarker& marker : placed) least = std::min(least, inner_distance(marker.code));
+  EXPECT_EQ(Codebook(4, placed, false).safe_errors(), (least - 1) / 2);
+}
+
+TEST(Cells, AreReadWhereTheyAreAndJudgedAgainstThePrediction) {
+  // The marker drawn upright with cells of 10 pixels, its corner at pixel edge (20, 20).
+  const MarkerSet set = small_set();
+  const std::vector<double> predicted = predicted_cells(set)[0];
+  Image image(100, 100, 220);
+  for (int row = 0; row < 6; ++row)
+    for (int column = 0; column < 6; ++column)
+      for (int y = 0; y < 10; ++y)
+        for (int x = 0; x < 10; ++x)
+          image.row(20 + row * 10 + y)[20 + column * 10 + x] =
+              predicted[static_cast<std::size_t>(row * 6 + column)] > 0.5 ? 220 : 30;
+  Eigen::Matrix3d image_H_cells;
+  image_H_cells << 10, 0, 19.5, 0, 10, 19.5, 0, 0, 1;
+  const auto grid = read_cells(image.view(), Lens(), image_H_cells, 4, 10.0, 0.8, false, 4);
+  ASSERT_TRUE(grid);
+  EXPECT_NEAR(grid->contrast, 190.0, 1e-6);
+  EXPECT_EQ(wrong_ring_cells(*grid, false), 0);
+  EXPECT_EQ(wrong_ring_cells(*grid, true), 20);
+  EXPECT_EQ(read_bits(*grid, 0.42), place(set)[0].code.bits);
+  EXPECT_NEAR(agreement(*grid, predicted, 0), 1.0, 1e-9);
+  EXPECT_LT(agreement(*grid, predicted, 1), 0.9);
+
+  // A camera turned by a quarter sees the code turned; the prediction turned along agrees again.
+  Eigen::Matrix3d turned;
+  turned << 0, 10, 19.5, -10, 0, 79.5, 0, 0, 1;  // cells' x runs up the image
+  const auto seen = read_cells(image.view(), Lens(), turned, 4, 10.0, 0.8, false, 4);
+  ASSERT_TRUE(seen);
+  EXPECT_EQ(read_bits(*seen, 0.42), rotated(place(set)[0].code, 1).bits);
+  EXPECT_NEAR(agreement(*seen, predicted, 1), 1.0, 1e-9);
+
+  image_H_cells(0, 2) = 60.0;  // partly outside of the image
+  EXPECT_FALSE(read_cells(image.view(), Lens(), image_H_cells, 4, 10.0, 0.8, false, 4));
+}
+
+}  // namespace
+}  // namespace harco::detect
