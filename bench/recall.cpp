@@ -57,7 +57,7 @@ int main(int argc, char** argv) {
   std::printf("%-6s %5s %5s | %7s %6s %10s\n", "layer", "tilt", "px", "found %", "wrong",
               "corner px");
   for (int layer = 1; layer <= std::min(2, markers.layers()); ++layer)
-    for (const double tilt_deg : {0.0, 45.0, 60.0})
+    for (const double tilt_deg : {0.0, 30.0, 45.0, 60.0})
       for (const double side_px :
            {11.0, 12.0, 13.0, 14.0, 16.0, 18.0, 20.0, 25.0, 32.0, 50.0, 100.0, 250.0}) {
         Count count;

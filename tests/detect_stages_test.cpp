@@ -102,19 +102,12 @@ TEST(Contours, KnowWhereTheImageEnds) {
 }
 
 TEST(Contours, JoinDarkPixelsAtACornerOnlyIfTheGreyBetweenIsDark) {
-  const auto touching = [](std::uint8_t dark, std::uint8_t bright) {
-    Image image(24, 24, bright);
-    for (int i = 0; i < 4; ++i)
-      for (int j = 0; j < 4; ++j) image.row(8 + i)[8 + j] = image.row(12 + i)[12 + j] = dark;
-    // An extreme on the other side moves the threshold, not the pixels.
-    return image;
-  };
-  Image bright_saddle = touching(60, 255);
-  bright_saddle.row(10)[10] = 0;  // threshold 127.5: the mean of 60 and 255 lies above
-  EXPECT_EQ(contours_of(bright_saddle).size(), 2U);
-  Image dark_saddle = touching(0, 200);
-  dark_saddle.row(6)[6] = 255;  // threshold 127.5: the mean of 0 and 200 lies below
-  EXPECT_EQ(contours_of(dark_saddle).size(), 1U);
+  // Two dark squares that touch at a corner: the mean of the four pixels there is 100.
+  Image image(24, 24, 200);
+  for (int i = 0; i < 4; ++i)
+    for (int j = 0; j < 4; ++j) image.row(8 + i)[8 + j] = image.row(12 + i)[12 + j] = 0;
+  EXPECT_EQ(contours_of(image, 0.4).size(), 2U);
+  EXPECT_EQ(contours_of(image, 0.6).size(), 1U);
 }
 
 Contour outline(const std::vector<Point>& corners, int per_side) {

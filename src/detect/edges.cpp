@@ -23,6 +23,11 @@ struct EdgePoints {
   std::array<double, kMaxPositions> along;
   std::array<double, kMaxPositions> across;
   int count = 0;
+
+  void add(double at, double offset) {
+    along[static_cast<std::size_t>(count)] = at;
+    across[static_cast<std::size_t>(count++)] = offset;
+  }
 };
 
 /// A side as it was measured: it passes `middle`, and its normal displacement at a distance t from
@@ -43,11 +48,10 @@ struct Profiles {
   int outward = 0;
 };
 
-/// How far to look across a side (in steps), and what to make of it.
+/// How far to look across a side, in steps.
 struct Window {
   int inward;
   int outward;
-  double line;  // width of the dark line in pixels; 0 for a plain step
 };
 
 int steps(double pixels) { return std::clamp(static_cast<int>(pixels / kStep), 2, kMaxReach); }
@@ -81,6 +85,7 @@ Profiles read_profiles(const ImageView& image, const Lens& lens, const Point& a,
 
 /// Median over all positions of the grey at one step.
 double median_at(const Profiles& profiles, int k) {
+  if (profiles.count == 0) return 0.0;
   std::array<double, kMaxPositions> values;
   for (int i = 0; i < profiles.count; ++i)
     values[static_cast<std::size_t>(i)] =
@@ -90,13 +95,14 @@ double median_at(const Profiles& profiles, int k) {
   return *middle;
 }
 
-/// Where a step from `inside` to `outside` lies so that the grey under it is what was seen. It does
-/// not depend on the shape of the blur as long as the ends of the window lie beyond it.
-double step_position(const Profiles& profiles, int i, double inside, double outside) {
+/// Where a step from `inside` to `outside` lies so that the grey under it, from the window's inner
+/// end to `outward`, is what was seen. It does not depend on the shape of the blur as long as both
+/// ends lie beyond it.
+double step_position(const Profiles& profiles, int i, int outward, double inside, double outside) {
   const auto& grey = profiles.grey[static_cast<std::size_t>(i)];
   double sum = 0.0;
-  for (int k = -profiles.inward; k <= profiles.outward; ++k) {
-    const bool end = k == -profiles.inward || k == profiles.outward;
+  for (int k = -profiles.inward; k <= outward; ++k) {
+    const bool end = k == -profiles.inward || k == outward;
     sum += (end ? 0.5 : 1.0) * (grey[static_cast<std::size_t>(k + profiles.inward)] - outside);
   }
   return -profiles.inward * kStep + sum * kStep / (inside - outside);
@@ -116,6 +122,57 @@ std::optional<double> dip_position(const Profiles& profiles, int i, double insid
   }
   if (mass * kStep < kMinContrast) return std::nullopt;
   return moment / mass;
+}
+
+/// Plain steps: dark inside, bright outside, or the other way round.
+EdgePoints locate_steps(const Profiles& profiles, int outward, bool bright_inside) {
+  const double inside = median_at(profiles, -profiles.inward);
+  const double outside = median_at(profiles, outward);
+  EdgePoints points;
+  if ((bright_inside ? inside - outside : outside - inside) < kMinContrast) return points;
+  for (int i = 0; i < profiles.count; ++i)
+    points.add(profiles.along[static_cast<std::size_t>(i)],
+               step_position(profiles, i, outward, inside, outside));
+  return points;
+}
+
+/// The inner edge of a dark line of known width with bright on both sides. Blur moves the edges of
+/// a thin line apart, but not its middle.
+EdgePoints locate_line(const Profiles& profiles, double width) {
+  const double inside = median_at(profiles, -profiles.inward);
+  const double outside = median_at(profiles, profiles.outward);
+  EdgePoints points;
+  for (int i = 0; i < profiles.count; ++i)
+    if (const auto middle = dip_position(profiles, i, inside, outside))
+      points.add(profiles.along[static_cast<std::size_t>(i)], *middle - 0.5 * width);
+  return points;
+}
+
+/// The border of a child: bright inside, then a line `line` pixels wide, then a bright or a dark
+/// cell `band` pixels wide or wider.
+EdgePoints locate_child_edge(const ImageView& image, const Lens& lens, const Point& a,
+                             const Point& b, double band, double line) {
+  const double reach = std::clamp(0.45 * band, 1.0, 4.0);
+  constexpr double kThin =
+      4.5;  // pixels; a line this wide is dark in its middle, whatever the blur
+  if (line >= kThin) {
+    const int steps_in_line = steps(std::min(reach, line - 2.5 * kBlur));
+    return locate_steps(read_profiles(image, lens, a, b, {steps(reach), steps_in_line}),
+                        steps_in_line, true);
+  }
+  const int inward = steps(std::clamp(0.5 * band, 1.0, 2.5));
+  const Profiles profiles =
+      read_profiles(image, lens, a, b, {inward, inward + static_cast<int>(line / kStep + 0.5)});
+  if (profiles.count < 4) return {};
+  double darkest = 255.0;
+  for (int k = -profiles.inward; k <= profiles.outward; ++k)
+    darkest = std::min(darkest, median_at(profiles, k));
+  const double inside = median_at(profiles, -profiles.inward);
+  const double outside = median_at(profiles, profiles.outward);
+  if (inside - darkest < kMinContrast) return {};
+  // Where the neighbouring cell is black too, the line has merged with it.
+  const bool merged = outside - darkest < 0.35 * (inside - darkest);
+  return merged ? locate_steps(profiles, profiles.inward, true) : locate_line(profiles, line);
 }
 
 /// Robust straight line through edge points (Tukey's weights, three rounds).
@@ -187,44 +244,12 @@ std::optional<FittedLine> fit_side(const ImageView& image, const Lens& lens, con
   const double band = profile.cell_share * depth;
   const double line = profile.line_share * depth;
 
-  Window window{steps(std::clamp(0.45 * band, 1.0, 4.0)), 0, 0.0};
-  window.outward = window.inward;
-  if (profile.bright_inside) {
-    // A wide line: both ends of the window lie in even ground. A thin one: look across it, then
-    // tell by the ground beyond whether it merged with other ink.
-    const double half = line - 1.6 * kBlur;
-    if (half >= 1.5) {
-      window.inward = window.outward = steps(std::min(0.45 * band, std::min(half, 4.0)));
-    } else {
-      window.inward = steps(std::max(1.0, std::min(0.45 * band, 2.0)));
-      window.outward = steps(line + std::min(0.8 * band, 2.0));
-      window.line = line;
-    }
-  }
-  const Profiles profiles = read_profiles(image, lens, a, b, window);
-  if (profiles.count < 4) return std::nullopt;
-  const double inside = median_at(profiles, -profiles.inward);
-  const double outside = median_at(profiles, profiles.outward);
-
   EdgePoints points;
-  const auto add = [&](int i, double across) {
-    points.along[static_cast<std::size_t>(points.count)] =
-        profiles.along[static_cast<std::size_t>(i)];
-    points.across[static_cast<std::size_t>(points.count++)] = across;
-  };
-  double darkest = 255.0;
-  for (int k = -profiles.inward; k <= profiles.outward; ++k)
-    darkest = std::min(darkest, median_at(profiles, k));
-  const bool dip = window.line > 0.0 && outside - darkest > 0.35 * (inside - darkest);
-  if (dip) {
-    if (inside - darkest < kMinContrast) return std::nullopt;
-    for (int i = 0; i < profiles.count; ++i)
-      if (const auto position = dip_position(profiles, i, inside, outside))
-        add(i, *position - 0.5 * window.line);
+  if (profile.bright_inside) {
+    points = locate_child_edge(image, lens, a, b, band, line);
   } else {
-    const double contrast = profile.bright_inside ? inside - outside : outside - inside;
-    if (contrast < kMinContrast) return std::nullopt;
-    for (int i = 0; i < profiles.count; ++i) add(i, step_position(profiles, i, inside, outside));
+    const int reach = steps(std::clamp(0.45 * band, 1.0, 4.0));
+    points = locate_steps(read_profiles(image, lens, a, b, {reach, reach}), reach, false);
   }
   auto fitted = fit_points(points, 0.5 * (a + b), (b - a) / length, length);
   if (!fitted) return std::nullopt;

@@ -111,13 +111,35 @@ std::vector<std::vector<int>> index_bins(const std::vector<Rect>& coat, double s
   return bins;
 }
 
-/// The line around a child as four strips, from `outside` without to `inside` within its square.
-std::array<Rect, 4> line_strips(const PlacedMarker& child, const LineWidth& line) {
-  const Rect outer = grown(square_of(child), line.outside * child.side_m);
-  const Rect inner = grown(square_of(child), -line.inside * child.side_m);
-  return {
-      Rect{outer.x0, outer.y0, outer.x1, inner.y0}, Rect{outer.x0, inner.y1, outer.x1, outer.y1},
-      Rect{outer.x0, inner.y0, inner.x0, inner.y1}, Rect{inner.x1, inner.y0, outer.x1, inner.y1}};
+/// Whether `child` has a sibling whose cell touches its own at the corner that lies in the
+/// direction (dx, dy).
+bool sibling_at_corner(const std::vector<PlacedMarker>& placed, const PlacedMarker& child, int dx,
+                       int dy) {
+  const int n = placed[static_cast<std::size_t>(child.container)].code.cells;
+  return std::any_of(placed.begin(), placed.end(), [&](const PlacedMarker& other) {
+    return other.container == child.container && other.cell / n == child.cell / n + dy &&
+           other.cell % n == child.cell % n + dx;
+  });
+}
+
+/// The line around a child, from `outside` without to `inside` within its square: four strips and
+/// the outer corners. A corner is left out where a sibling's cell lies: a notch in its white ring
+/// would spoil its outline, and the lines of both still meet in a point.
+std::vector<Rect> line_pieces(const std::vector<PlacedMarker>& placed, const PlacedMarker& child,
+                              const LineWidth& line) {
+  const Rect square = square_of(child);
+  const Rect outer = grown(square, line.outside * child.side_m);
+  const Rect inner = grown(square, -line.inside * child.side_m);
+  std::vector<Rect> pieces{{square.x0, outer.y0, square.x1, inner.y0},
+                           {square.x0, inner.y1, square.x1, outer.y1},
+                           {outer.x0, square.y0, inner.x0, square.y1},
+                           {inner.x1, square.y0, outer.x1, square.y1}};
+  for (const int dx : {-1, 1})
+    for (const int dy : {-1, 1})
+      if (!sibling_at_corner(placed, child, dx, dy))
+        pieces.push_back({dx < 0 ? outer.x0 : square.x1, dy < 0 ? outer.y0 : square.y1,
+                          dx < 0 ? square.x0 : outer.x1, dy < 0 ? square.y0 : outer.y1});
+  return pieces;
 }
 
 std::vector<PlacedMarker> placed_of_parent(const MarkerSet& markers, int parent_index) {
@@ -155,8 +177,8 @@ InkPlan ink_plan(const MarkerSet& markers, int parent_index) {
     const int m = child.code.cells;
     for (int cell = 0; cell < m * m; ++cell)
       if (!child.code.white(cell)) add_on_white(cell_rect(child, cell / m + 1, cell % m + 1));
-    for (const Rect& strip : line_strips(child, markers.line))
-      if (has_area(strip, epsilon)) add_on_white(strip);
+    for (const Rect& piece : line_pieces(placed, child, markers.line))
+      if (has_area(piece, epsilon)) add_on_white(piece);
   }
   plan.black = black.take();
   return plan;
