@@ -12,9 +12,8 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
+#include "code_search.hpp"
 #include "harco/dictionary.hpp"
-#include "interrupt.hpp"
-#include "progress.hpp"
 #include "verbs.hpp"
 #include "write_markers.hpp"
 
@@ -86,16 +85,6 @@ DictionaryOptions dictionary_options(const GenerateOptions& options) {
   return dictionary;
 }
 
-Dictionary run(const DictionaryOptions& options) {
-  const InterruptGuard guard;
-  ProgressBar progress("codes");
-  return generate_dictionary(options, [&](const DictionaryProgress& now) {
-    progress.show(now.share, fmt::format("tau: parents {}, children {}", now.parent_distance,
-                                         now.child_distance));
-    return !guard.interrupted();
-  });
-}
-
 void print_distance(const char* name, std::size_t codes, int distance,
                     const std::optional<DistanceBound>& bound) {
   fmt::print("{:9} {} code{}, tau = {}", name, codes, codes == 1 ? "" : "s", distance);
@@ -134,7 +123,7 @@ void generate(const GenerateOptions& options) {
   check_writable(options.out);
   check_drawing(sample_of(wanted, options), options.drawing);
 
-  const Dictionary dictionary = run(wanted);
+  const Dictionary dictionary = search_codes(wanted);
   write_markers(build_markers(dictionary, options.side_m, line_width(options.drawing)), options.out,
                 options.drawing);
   print_reached(dictionary);
