@@ -14,6 +14,7 @@
 
 #include "families.hpp"
 #include "lab/render.hpp"
+#include "number_list.hpp"
 #include "other_detectors.hpp"
 
 namespace harco::cli {

@@ -14,6 +14,7 @@
 
 #include "code_search.hpp"
 #include "harco/dictionary.hpp"
+#include "number_list.hpp"
 #include "verbs.hpp"
 #include "write_markers.hpp"
 
@@ -33,25 +34,6 @@ struct GenerateOptions {
   DrawingOptions drawing;
 };
 
-/// "0,4,12" as numbers.
-std::vector<int> cell_list(const std::string& text) {
-  std::vector<int> cells;
-  for (const std::string& part : CLI::detail::split(text, ',')) {
-    int cell = 0;
-    if (part.empty() || !CLI::detail::lexical_cast(part, cell))
-      throw std::invalid_argument("--children: '" + text +
-                                  "' is neither quincunx nor checkerboard nor a list of cells");
-    cells.push_back(cell);
-  }
-  return cells;
-}
-
-std::vector<int> child_cells(const std::string& choice, int cells) {
-  if (choice == "quincunx") return quincunx(cells);
-  if (choice == "checkerboard") return checkerboard(cells);
-  return cell_list(choice);
-}
-
 /// One choice holds for all layers that carry children; otherwise there is one for each.
 std::vector<std::vector<int>> tree_of(const GenerateOptions& options) {
   const auto carrying = static_cast<std::size_t>(options.layers - 1);
@@ -62,7 +44,7 @@ std::vector<std::vector<int>> tree_of(const GenerateOptions& options) {
   std::vector<std::vector<int>> tree;
   for (std::size_t layer = 0; layer < carrying; ++layer) {
     const std::string& choice = options.children[options.children.size() == 1 ? 0 : layer];
-    tree.push_back(child_cells(choice, options.dictionary.cells));
+    tree.push_back(parse_cells(choice, options.dictionary.cells, "--children"));
   }
   return tree;
 }
@@ -155,7 +137,7 @@ void add_generate(CLI::App& app) {
       ->capture_default_str()
       ->group(codes);
   verb.add_option("--children", options->children,
-                  "Cells that hold children: quincunx, checkerboard, or a list such as 0,4,12. "
+                  "Cells that hold children: quincunx, checkerboard, or a list such as 0,4,12-14. "
                   "Given once it holds for all layers, else once for every layer but the last, "
                   "from the top")
       ->capture_default_str()

@@ -1,22 +1,14 @@
 #include "hierarchy.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <limits>
 #include <set>
 #include <stdexcept>
-#include <string_view>
+
+#include "number_list.hpp"
 
 namespace harco::cli {
 namespace {
-
-/// A whole number that fills `text`; empty if it is none.
-std::optional<int> whole_number(std::string_view text) {
-  int value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || value < 0) return std::nullopt;
-  return value;
-}
 
 struct Cell {
   int row, column;
@@ -85,50 +77,17 @@ std::vector<int> middle_cells(int n) {
 
 }  // namespace
 
-std::vector<int> parse_list(const std::string& text, int end, const std::string& option) {
-  const auto wrong = [&](const std::string& what) {
-    return std::invalid_argument(option + " '" + text + "': " + what);
-  };
-  std::vector<int> list;
-  std::set<int> known;
-  for (std::size_t start = 0; start <= text.size();) {
-    const std::size_t comma = std::min(text.find(',', start), text.size());
-    const std::string part = text.substr(start, comma - start);
-    const std::size_t dash = part.find('-');
-    const auto first = whole_number(part.substr(0, dash));
-    const auto last = dash == std::string::npos ? first : whole_number(part.substr(dash + 1));
-    if (!first || !last) throw wrong("'" + part + "' is neither a number nor a range such as 3-7");
-    if (*last < *first) throw wrong("the range " + part + " falls");
-    if (*last >= end)
-      throw wrong("there is no " + std::to_string(*last) + "; the last is " +
-                  std::to_string(end - 1));
-    for (int value = *first; value <= *last; ++value) {
-      if (!known.insert(value).second) throw wrong(std::to_string(value) + " stands there twice");
-      list.push_back(value);
-    }
-    start = comma + 1;
-  }
-  return list;
-}
-
 ChildLayout parse_child_layout(const std::string& text, int cells) {
   const std::string spread = "spread";
   if (text == spread) return {};
   if (text.rfind(spread + ":", 0) == 0) {
-    const auto count = whole_number(std::string_view(text).substr(spread.size() + 1));
+    const auto count = whole_number(text.substr(spread.size() + 1));
     if (!count || *count == 0)
-      throw std::invalid_argument("children '" + text + "': needs a positive number after spread:");
+      throw std::invalid_argument("--children '" + text +
+                                  "': needs a positive number after spread:");
     return {*count, std::nullopt};
   }
-  if (text == "quincunx") return {0, quincunx(cells)};
-  if (text == "checkerboard") return {0, checkerboard(cells)};
-  try {
-    return {0, parse_list(text, cells * cells, "children")};
-  } catch (const std::invalid_argument& error) {
-    throw std::invalid_argument(std::string(error.what()) +
-                                " (children: spread, spread:COUNT, quincunx, checkerboard or a "
-                                "list of cells)");
-  }
+  return {0, parse_cells(text, cells, "--children")};
 }
 
 std::vector<int> child_cells(const Code& code, const ChildLayout& layout) {

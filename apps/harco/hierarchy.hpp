@@ -28,10 +28,6 @@ ChildLayout parse_child_layout(const std::string& text, int cells);
 /// quincunx.
 std::vector<int> child_cells(const Code& code, const ChildLayout& layout);
 
-/// "0-9,23" -> 0 … 9, 23. Throws std::invalid_argument, saying what `option` this is, for text that
-/// is no such list, a range that falls, a number twice, or one that is not below `end`.
-std::vector<int> parse_list(const std::string& text, int end, const std::string& option);
-
 struct HierarchyOptions {
   int layers = 2;  ///< of the whole marker, 2 or more
   std::string children = "spread";

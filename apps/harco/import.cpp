@@ -15,6 +15,7 @@
 #include "code_search.hpp"
 #include "families.hpp"
 #include "hierarchy.hpp"
+#include "number_list.hpp"
 #include "verbs.hpp"
 #include "write_markers.hpp"
 
