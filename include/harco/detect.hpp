@@ -95,7 +95,7 @@ struct DetectionTrace {
 class Detector {
  public:
   /// Throws std::invalid_argument for an impossible set (see validate) or option.
-  explicit Detector(MarkerSet markers, DetectorOptions options = {});
+  explicit Detector(MarkerSet markers, const DetectorOptions& options = {});
   ~Detector();
   Detector(Detector&&) noexcept;
   Detector& operator=(Detector&&) noexcept;

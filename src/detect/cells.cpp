@@ -13,8 +13,6 @@
 namespace harco::detect {
 namespace {
 
-constexpr double kMinContrast = 8.0;  // grey levels
-
 /// A grey level that changes evenly over the marker: a + b x + c y.
 struct Plane {
   Eigen::Vector3d coefficients = Eigen::Vector3d::Zero();

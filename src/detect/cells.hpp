@@ -12,10 +12,14 @@
 
 namespace harco::detect {
 
+/// Grey levels between black and white below which there is no marker to be read.
+inline constexpr double kMinContrast = 8.0;
+
 /// The cells of a quad that may be a marker, border ring included.
 struct CellGrid {
   int cells = 0;               ///< n
-  std::vector<double> values;  ///< (n+2)^2 values, row-first, 0 black … 1 white
+  std::vector<double> values;  ///< (n+2)^2 values, row-first, 0 black … 1 white; without meaning
+                               ///< if the contrast is below kMinContrast
   double contrast = 0.0;       ///< grey levels between black and white
 };
 

@@ -23,7 +23,6 @@
 namespace harco {
 namespace {
 
-using detect::CellGrid;
 using detect::Codebook;
 using detect::Match;
 using detect::Quad;
@@ -110,8 +109,7 @@ const char* to_string(Rejection rejection) {
 }
 
 struct Detector::Impl {
-  Impl(MarkerSet set, DetectorOptions chosen)
-      : markers(std::move(set)), options(std::move(chosen)) {
+  Impl(MarkerSet set, const DetectorOptions& chosen) : markers(std::move(set)), options(chosen) {
     validate(markers);
     check(options);
     placed = place(markers);
@@ -135,7 +133,7 @@ struct Detector::Impl {
   Rejection identify(const ImageView& image, Candidate& candidate, const Codebook& book,
                      const detect::FittedQuad& fitted, double blur_px);
   std::vector<Detection> settle();
-  void reject(const Found& found, Rejection why);
+  void reject(const Found& what, Rejection why);
 
   MarkerSet markers;
   DetectorOptions options;
@@ -211,8 +209,11 @@ Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
   const auto grid = detect::read_cells(image, lens, image_H_cells, n, cell_px, blur_px, child,
                                        least_black[{child, n}]);
   char note[96];
-  if (!grid) return Rejection::shape;
-  if (grid->contrast < 8.0) {
+  if (!grid) {
+    candidate.note = "its cells are not all in the image";
+    return Rejection::shape;
+  }
+  if (grid->contrast < detect::kMinContrast) {
     std::snprintf(note, sizeof note, "contrast %.1f grey levels", grid->contrast);
     candidate.note = note;
     return Rejection::contrast;
@@ -282,6 +283,7 @@ void Detector::Impl::examine(const ImageView& image, const Shape& shape) {
   candidate.corners = shape.corners;
   candidate.hole = shape.hole;
   candidate.rejection = Rejection::shape;
+  candidate.note = "beyond what the lens model can image";
   Quad ideal;
   bool whole = true;
   for (std::size_t i = 0; i < 4 && whole; ++i) {
@@ -300,10 +302,14 @@ void Detector::Impl::examine(const ImageView& image, const Shape& shape) {
       const auto fitted = detect::fit_edges(image, lens, ideal, profile);
       if (!fitted) {
         candidate.rejection = Rejection::edges;
+        candidate.note = shape.hole
+                             ? "some side has no straight edge, bright inside and dark outside"
+                             : "some side has no straight edge, dark inside and bright outside";
         continue;
       }
       if (detect::mean_side(fitted->corners) < options.min_side_px) {
         candidate.rejection = Rejection::shape;
+        candidate.note = "smaller than the smallest side looked for";
         continue;
       }
       candidate.rejection = identify(image, candidate, book, *fitted, kSharp);
@@ -379,8 +385,8 @@ std::vector<Detection> Detector::Impl::detect(const ImageView& image, DetectionT
   return detections;
 }
 
-Detector::Detector(MarkerSet markers, DetectorOptions options)
-    : impl_(std::make_unique<Impl>(std::move(markers), std::move(options))) {}
+Detector::Detector(MarkerSet markers, const DetectorOptions& options)
+    : impl_(std::make_unique<Impl>(std::move(markers), options)) {}
 Detector::~Detector() = default;
 Detector::Detector(Detector&&) noexcept = default;
 Detector& Detector::operator=(Detector&&) noexcept = default;

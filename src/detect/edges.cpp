@@ -161,8 +161,8 @@ EdgePoints locate_child_edge(const ImageView& image, const Lens& lens, const Poi
                         steps_in_line, true);
   }
   const int inward = steps(std::clamp(0.5 * band, 1.0, 2.5));
-  const Profiles profiles =
-      read_profiles(image, lens, a, b, {inward, inward + static_cast<int>(line / kStep + 0.5)});
+  const Profiles profiles = read_profiles(
+      image, lens, a, b, {inward, inward + static_cast<int>(std::lround(line / kStep))});
   if (profiles.count < 4) return {};
   double darkest = 255.0;
   for (int k = -profiles.inward; k <= profiles.outward; ++k)
