@@ -63,7 +63,8 @@ class PictureSource : public FrameSource {
 /// A video file or a camera, opened when its turn comes.
 class VideoSource : public FrameSource {
  public:
-  VideoSource(std::string word, std::string device) : word_(std::move(word)), device_(device) {}
+  VideoSource(std::string word, std::string device)
+      : word_(std::move(word)), device_(std::move(device)) {}
 
   bool next(Frame& frame, bool colour) override {
     if (!reader_) reader_ = live() ? media().open_camera(device_) : media().open_video(word_);

@@ -55,8 +55,8 @@ Picture to_picture(cv::Mat frame, bool colour) {
 
 class OpencvVideo : public VideoReader {
  public:
-  OpencvVideo(cv::VideoCapture capture, bool live)
-      : capture_(std::move(capture)),
+  OpencvVideo(const cv::VideoCapture& capture, bool live)
+      : capture_(capture),
         live_(live),
         frames_per_second_(positive(capture_.get(cv::CAP_PROP_FPS))),
         start_(std::chrono::steady_clock::now()) {}
@@ -100,8 +100,8 @@ class OpencvVideo : public VideoReader {
 
 class OpencvVideoWriter : public VideoWriter {
  public:
-  OpencvVideoWriter(cv::VideoWriter writer, std::string file, int width, int height)
-      : writer_(std::move(writer)), file_(std::move(file)), width_(width), height_(height) {}
+  OpencvVideoWriter(const cv::VideoWriter& writer, std::string file, int width, int height)
+      : writer_(writer), file_(std::move(file)), width_(width), height_(height) {}
 
   void write(const ColourImage& picture) override {
     if (picture.width != width_ || picture.height != height_)

@@ -28,7 +28,7 @@ Stroke ring(const Eigen::Vector2d& centre, double radius, const Colour& colour) 
   stroke.closed = true;
   for (int i = 0; i < 16; ++i) {
     const double angle = 2.0 * std::numbers::pi * i / 16;
-    stroke.points.push_back(centre + radius * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
+    stroke.points.emplace_back(centre + radius * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
   }
   return stroke;
 }

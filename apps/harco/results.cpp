@@ -111,7 +111,7 @@ const std::vector<std::string>& Row::columns() {
     names.insert(names.end(), {"rms_px", "markers"});
     for (int i = 0; i < 6; ++i)
       for (int j = i; j < 6; ++j) names.push_back(indexed("c", i, j));
-    names.push_back("error");
+    names.emplace_back("error");
     return names;
   }();
   return all;

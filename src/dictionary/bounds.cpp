@@ -46,7 +46,7 @@ struct Johnson {
     w = std::min(w, n - w);
     if (w < 0) return 0.0;
     if (2 * w < d) return 1.0;
-    if (2 * w == d) return static_cast<double>(n / w);
+    if (2 * w == d) return whole(double(n) / w);
     const auto [place, is_new] = known.try_emplace({n, d, w}, 0.0);
     if (!is_new) return place->second;
     double bound = whole(double(n) / w * (*this)(n - 1, d, w - 1));
@@ -96,7 +96,7 @@ double johnson_bound(int n, int d, const BlackRange& ones) {
 double plotkin_bound(int n, int d) {
   if (d % 2 == 1) return plotkin_bound(n + 1, d + 1);
   if (d > n) return 1.0;
-  if (2 * d > n) return static_cast<double>(2 * (d / (2 * d - n)));
+  if (2 * d > n) return 2.0 * whole(double(d) / (2 * d - n));
   if (2 * d == n) return 2.0 * n;
   return std::min(kMost, 2.0 * plotkin_bound(n - 1, d));
 }
