@@ -108,7 +108,7 @@ void write_description(const MarkerSet& markers, const std::filesystem::path& fo
   fmt::print("{}: markers.json\n", folder.string());
 }
 
-void import(const ImportOptions& options) {
+void import_family(const ImportOptions& options) {
   if (!(options.side_m > 0.0) || !std::isfinite(options.side_m))
     throw std::invalid_argument("--side must be a positive number of metres");
   const Selection selection = select(load_family(options.family), options.ids);
@@ -159,7 +159,7 @@ void add_import(CLI::App& app) {
       ->capture_default_str()
       ->group(children);
   add_drawing_options(verb, options->drawing);
-  verb.callback([options] { import(*options); });
+  verb.callback([options] { import_family(*options); });
 }
 
 }  // namespace harco::cli
