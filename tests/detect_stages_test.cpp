@@ -2,6 +2,7 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+#include <random>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -57,6 +58,49 @@ TEST(Threshold, TakesWhatHasNoContrastForBright) {
   extremes.threshold(image.view(), {0.5, 16}, map);
   for (int y = -1; y <= 24; ++y)
     for (int x = -1; x <= 24; ++x) EXPECT_GT(map.row(y)[x], 0);
+}
+
+TEST(Threshold, KnowsNoiseFromContrast) {
+  std::mt19937 random(5);
+  for (const double sigma : {2.0, 8.0}) {
+    std::normal_distribution<double> noise(0.0, sigma);
+    Image image = square_image(256, 100, 150, 200, 60);
+    for (std::uint8_t& pixel : image.pixels)
+      pixel = static_cast<std::uint8_t>(std::lround(pixel + noise(random)));
+    TileExtremes extremes;
+    extremes.measure(image.view());
+    EXPECT_NEAR(extremes.noise(), sigma, 0.15 * sigma);
+  }
+  TileExtremes even;
+  even.measure(Image(64, 64, 90).view());
+  EXPECT_EQ(even.noise(), 0.0);
+  // 6 * 5 = 30, but no less than 16 and no more than 60.
+  EXPECT_EQ(contrast_above_noise(0.0), 16);
+  EXPECT_EQ(contrast_above_noise(5.0), 30);
+  EXPECT_EQ(contrast_above_noise(40.0), 60);
+}
+
+TEST(Edges, DontMoveInLightThatChangesAlongThem) {
+  // As above, but the light falls to a third from left to right.
+  const double from = 20.3;
+  const double to = 59.8;
+  Image image(80, 80);
+  const auto covered = [&](int i) {
+    return std::clamp(std::min(i + 0.5, to) - std::max(i - 0.5, from), 0.0, 1.0);
+  };
+  for (int y = 0; y < 80; ++y)
+    for (int x = 0; x < 80; ++x) {
+      const double light = 1.0 - 0.67 * x / 80.0;
+      image.row(y)[x] =
+          static_cast<std::uint8_t>(std::lround(light * (230.0 - 200.0 * covered(x) * covered(y))));
+    }
+  SideProfile profile;
+  profile.cell_share = 1.0 / 7.0;
+  const Quad rough{{{20.9, 19.8}, {59.2, 20.6}, {60.3, 59.5}, {20.0, 60.3}}};
+  const auto fitted = fit_edges(image.view(), Lens(), rough, profile);
+  ASSERT_TRUE(fitted);
+  const Quad truth{{{from, from}, {to, from}, {to, to}, {from, to}}};
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_LT((fitted->corners[i] - truth[i]).norm(), 0.06);
 }
 
 TEST(Contours, FollowADarkSquareAtHalfPixels) {

@@ -28,8 +28,9 @@ using detect::Match;
 using detect::Quad;
 
 // Thresholds between local black and white: the middle finds wide structure without bias, the
-// higher one holds thin lines of small children together.
-constexpr double kLevels[] = {0.5, 0.68};
+// higher one holds thin lines of small children together, the lower one finds markers in shade
+// beside sunlit ground.
+constexpr double kLevels[] = {0.5, 0.68, 0.3};
 // From this share of the span between black and white a cell counts as white: cells that hold
 // children are darker than paper.
 constexpr double kWhiteLevel = 0.42;
@@ -162,6 +163,7 @@ void Detector::Impl::find_shapes(const ImageView& image, DetectionTrace* trace) 
   for (const double level : kLevels) {
     detect::ThresholdOptions threshold;
     threshold.level = level;
+    threshold.min_contrast = detect::contrast_above_noise(extremes.noise());
     extremes.threshold(image, threshold, map);
     if (trace) {
       Image binary(image.width(), image.height());

@@ -83,16 +83,40 @@ Profiles read_profiles(const ImageView& image, const Lens& lens, const Point& a,
   return profiles;
 }
 
-/// Median over all positions of the grey at one step.
-double median_at(const Profiles& profiles, int k) {
-  if (profiles.count == 0) return 0.0;
+/// Median of the grey at one step, over the positions from `first` to before `last`.
+double median_at(const Profiles& profiles, int k, int first, int last) {
+  if (first >= last) return 0.0;
   std::array<double, kMaxPositions> values;
-  for (int i = 0; i < profiles.count; ++i)
-    values[static_cast<std::size_t>(i)] =
+  for (int i = first; i < last; ++i)
+    values[static_cast<std::size_t>(i - first)] =
         profiles.grey[static_cast<std::size_t>(i)][static_cast<std::size_t>(k + profiles.inward)];
-  const auto middle = values.begin() + profiles.count / 2;
-  std::nth_element(values.begin(), middle, values.begin() + profiles.count);
+  const auto middle = values.begin() + (last - first) / 2;
+  std::nth_element(values.begin(), middle, values.begin() + (last - first));
   return *middle;
+}
+
+double median_at(const Profiles& profiles, int k) {
+  return median_at(profiles, k, 0, profiles.count);
+}
+
+/// A grey level that light changes evenly along a side.
+struct Level {
+  double middle = 0.0;
+  double slope = 0.0;  // grey levels a pixel
+  double at(double along) const { return middle + slope * along; }
+};
+
+/// The level at one step, by the medians of both halves of the side.
+Level level_at(const Profiles& profiles, int k) {
+  const int half = profiles.count / 2;
+  if (half < 2) return {median_at(profiles, k), 0.0};
+  const double first = median_at(profiles, k, 0, half);
+  const double second = median_at(profiles, k, half, profiles.count);
+  const auto along = [&](int i) { return profiles.along[static_cast<std::size_t>(i)]; };
+  const double first_along = 0.5 * (along(0) + along(half - 1));
+  const double second_along = 0.5 * (along(half) + along(profiles.count - 1));
+  const double slope = (second - first) / (second_along - first_along);
+  return {first - slope * first_along, slope};
 }
 
 /// Where a step from `inside` to `outside` lies so that the grey under it, from the window's inner
@@ -126,25 +150,29 @@ std::optional<double> dip_position(const Profiles& profiles, int i, double insid
 
 /// Plain steps: dark inside, bright outside, or the other way round.
 EdgePoints locate_steps(const Profiles& profiles, int outward, bool bright_inside) {
-  const double inside = median_at(profiles, -profiles.inward);
-  const double outside = median_at(profiles, outward);
+  const Level inside = level_at(profiles, -profiles.inward);
+  const Level outside = level_at(profiles, outward);
   EdgePoints points;
-  if ((bright_inside ? inside - outside : outside - inside) < kMinContrast) return points;
-  for (int i = 0; i < profiles.count; ++i)
-    points.add(profiles.along[static_cast<std::size_t>(i)],
-               step_position(profiles, i, outward, inside, outside));
+  for (int i = 0; i < profiles.count; ++i) {
+    const double along = profiles.along[static_cast<std::size_t>(i)];
+    const double step = inside.at(along) - outside.at(along);
+    if ((bright_inside ? step : -step) < kMinContrast) continue;
+    points.add(along, step_position(profiles, i, outward, inside.at(along), outside.at(along)));
+  }
   return points;
 }
 
 /// The inner edge of a dark line of known width with bright on both sides. Blur moves the edges of
 /// a thin line apart, but not its middle.
 EdgePoints locate_line(const Profiles& profiles, double width) {
-  const double inside = median_at(profiles, -profiles.inward);
-  const double outside = median_at(profiles, profiles.outward);
+  const Level inside = level_at(profiles, -profiles.inward);
+  const Level outside = level_at(profiles, profiles.outward);
   EdgePoints points;
-  for (int i = 0; i < profiles.count; ++i)
-    if (const auto middle = dip_position(profiles, i, inside, outside))
-      points.add(profiles.along[static_cast<std::size_t>(i)], *middle - 0.5 * width);
+  for (int i = 0; i < profiles.count; ++i) {
+    const double along = profiles.along[static_cast<std::size_t>(i)];
+    if (const auto middle = dip_position(profiles, i, inside.at(along), outside.at(along)))
+      points.add(along, *middle - 0.5 * width);
+  }
   return points;
 }
 

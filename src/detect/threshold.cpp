@@ -1,6 +1,7 @@
 #include "detect/threshold.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace harco::detect {
@@ -45,6 +46,27 @@ void TileExtremes::measure(const ImageView& image) {
       near_low_[tile] = low;
       near_high_[tile] = high;
     }
+}
+
+double TileExtremes::noise() const {
+  std::array<int, 256> histogram{};
+  int count = 0;
+  for (std::size_t tile = 0; tile < low_.size(); ++tile)
+    if (low_[tile] > 0 && high_[tile] < 255) {  // not clipped
+      ++histogram[static_cast<std::size_t>(high_[tile] - low_[tile])];
+      ++count;
+    }
+  int below = 0;
+  int range = 0;
+  while (range < 255 && 4 * (below += histogram[static_cast<std::size_t>(range)]) < count) ++range;
+  // A quarter of all sets of 16 normal deviates have a smaller range than this.
+  constexpr double kLowerQuartile = 3.01;
+  return range / kLowerQuartile;
+}
+
+int contrast_above_noise(double noise) {
+  // Beyond the upper limit it is texture, not noise.
+  return std::clamp(static_cast<int>(std::lround(6.0 * noise)), 16, 60);
 }
 
 void TileExtremes::threshold(const ImageView& image, const ThresholdOptions& options,

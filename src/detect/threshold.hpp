@@ -42,6 +42,10 @@ struct ThresholdOptions {
   int min_contrast = 16;
 };
 
+/// The least contrast that noise of a standard deviation `noise` (grey levels) doesn't reach in even
+/// ground: the extremes of the 144 pixels around a tile lie six standard deviations apart.
+int contrast_above_noise(double noise);
+
 /// Extremes of the image over tiles, from which thresholds at any level follow.
 class TileExtremes {
  public:
@@ -49,6 +53,9 @@ class TileExtremes {
 
   /// Reads the image once.
   void measure(const ImageView& image);
+
+  /// Standard deviation of the noise, from the ranges of the evenest quarter of all tiles.
+  double noise() const;
 
   /// The map for one level.
   void threshold(const ImageView& image, const ThresholdOptions& options, ThresholdMap& map);
