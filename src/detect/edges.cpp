@@ -106,12 +106,23 @@ struct Level {
   double at(double along) const { return middle + slope * along; }
 };
 
-/// The level at one step, by the medians of both halves of the side.
+/// The level at one step. Where the medians of the side's halves differ by more than their noise,
+/// it changes along the side; short sides can't tell.
 Level level_at(const Profiles& profiles, int k) {
+  constexpr int kEnough = 16;
+  const Level even{median_at(profiles, k), 0.0};
+  if (profiles.count < kEnough) return even;
   const int half = profiles.count / 2;
-  if (half < 2) return {median_at(profiles, k), 0.0};
   const double first = median_at(profiles, k, 0, half);
   const double second = median_at(profiles, k, half, profiles.count);
+  double scatter = 0.0;
+  for (int i = 0; i < profiles.count; ++i)
+    scatter += std::abs(
+        profiles.grey[static_cast<std::size_t>(i)][static_cast<std::size_t>(k + profiles.inward)] -
+        (i < half ? first : second));
+  // Standard error of the difference of two medians, from the mean absolute deviation.
+  const double error = 1.25 * 1.25 * (scatter / profiles.count) * std::sqrt(2.0 / half);
+  if (std::abs(second - first) < 4.0 * error) return even;
   const auto along = [&](int i) { return profiles.along[static_cast<std::size_t>(i)]; };
   const double first_along = 0.5 * (along(0) + along(half - 1));
   const double second_along = 0.5 * (along(half) + along(profiles.count - 1));
