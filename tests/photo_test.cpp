@@ -85,10 +85,8 @@ TEST(Photos, OfChessboardsWithAMarkerOnThem) {
     const Tally result = tally(markers, layer);
     ASSERT_EQ(result.photos, 26);
     EXPECT_GE(result.distance_percent.size(), 25U);  // 95 %
-    // The last layer is a single square without children.
-    const double tolerance = layer < markers.layers() ? 0.1 : 0.4;
-    EXPECT_LT(median(result.distance_percent), tolerance);
-    EXPECT_LT(median(result.rotation_deg), tolerance);
+    EXPECT_LT(median(result.distance_percent), 0.05);
+    EXPECT_LT(median(result.rotation_deg), 0.05);
     EXPECT_EQ(result.strangers, 0);
   }
 }
