@@ -442,7 +442,8 @@ std::vector<fs::path> opencv_chessboard_photos(const std::string& camera) {
   const fs::path folder = fs::path(kOpenCvDoc) / "examples" / "data";
   std::vector<fs::path> files;
   for (int number = 1; number <= 14; ++number) {
-    const std::string digits = (number < 10 ? "0" : "") + std::to_string(number);
+    std::string digits = std::to_string(number);
+    if (number < 10) digits.insert(digits.begin(), '0');
     const fs::path file = folder / (camera + digits + ".jpg");
     if (fs::exists(file)) files.push_back(file);  // number 10 has never been there
   }
