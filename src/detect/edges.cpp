@@ -106,28 +106,56 @@ struct Level {
   double at(double along) const { return middle + slope * along; }
 };
 
-/// The level at one step. Where the medians of the side's halves differ by more than their noise,
-/// it changes along the side; short sides can't tell.
+/// The level at one step: a straight line through the greys along the side, without those that
+/// something hides. It is even unless its slope stands out of the noise; short sides can't tell.
 Level level_at(const Profiles& profiles, int k) {
   constexpr int kEnough = 16;
-  const Level even{median_at(profiles, k), 0.0};
-  if (profiles.count < kEnough) return even;
-  const int half = profiles.count / 2;
-  const double first = median_at(profiles, k, 0, half);
-  const double second = median_at(profiles, k, half, profiles.count);
-  double scatter = 0.0;
-  for (int i = 0; i < profiles.count; ++i)
-    scatter += std::abs(
-        profiles.grey[static_cast<std::size_t>(i)][static_cast<std::size_t>(k + profiles.inward)] -
-        (i < half ? first : second));
-  // Standard error of the difference of two medians, from the mean absolute deviation.
-  const double error = 1.25 * 1.25 * (scatter / profiles.count) * std::sqrt(2.0 / half);
-  if (std::abs(second - first) < 4.0 * error) return even;
+  const int count = profiles.count;
+  if (count < kEnough) return {median_at(profiles, k), 0.0};
   const auto along = [&](int i) { return profiles.along[static_cast<std::size_t>(i)]; };
+  const auto grey = [&](int i) {
+    return profiles
+        .grey[static_cast<std::size_t>(i)][static_cast<std::size_t>(k + profiles.inward)];
+  };
+  // A first line through the medians of both halves says which greys belong.
+  const int half = count / 2;
+  const double first = median_at(profiles, k, 0, half);
+  const double second = median_at(profiles, k, half, count);
   const double first_along = 0.5 * (along(0) + along(half - 1));
-  const double second_along = 0.5 * (along(half) + along(profiles.count - 1));
-  const double slope = (second - first) / (second_along - first_along);
-  return {first - slope * first_along, slope};
+  const double second_along = 0.5 * (along(half) + along(count - 1));
+  const double rough = (second - first) / (second_along - first_along);
+  std::array<double, kMaxPositions> away;
+  for (int i = 0; i < count; ++i)
+    away[static_cast<std::size_t>(i)] =
+        std::abs(grey(i) - first - rough * (along(i) - first_along));
+  std::array<double, kMaxPositions> sorted = away;
+  std::nth_element(sorted.begin(), sorted.begin() + half, sorted.begin() + count);
+  const double limit = 1.0 + 4.5 * sorted[static_cast<std::size_t>(half)];  // three deviations
+
+  double n = 0.0;
+  double t = 0.0;
+  double g = 0.0;
+  for (int i = 0; i < count; ++i)
+    if (away[static_cast<std::size_t>(i)] < limit) {
+      n += 1.0;
+      t += along(i);
+      g += grey(i);
+    }
+  t /= n;
+  g /= n;
+  double tt = 0.0;
+  double tg = 0.0;
+  double gg = 0.0;
+  for (int i = 0; i < count; ++i)
+    if (away[static_cast<std::size_t>(i)] < limit) {
+      tt += (along(i) - t) * (along(i) - t);
+      tg += (along(i) - t) * (grey(i) - g);
+      gg += (grey(i) - g) * (grey(i) - g);
+    }
+  const double slope = tg / tt;
+  const double slope_variance = std::max(0.0, gg - slope * tg) / (n - 2.0) / tt;
+  if (slope * slope < 6.0 * slope_variance) return {g, 0.0};
+  return {g - slope * t, slope};
 }
 
 /// Where a step from `inside` to `outside` lies so that the grey under it, from the window's inner
