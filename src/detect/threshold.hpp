@@ -42,8 +42,8 @@ struct ThresholdOptions {
   int min_contrast = 16;
 };
 
-/// The least contrast that noise of a standard deviation `noise` (grey levels) doesn't reach in even
-/// ground: the extremes of the 144 pixels around a tile lie six standard deviations apart.
+/// The least contrast that noise of a standard deviation `noise` (grey levels) doesn't reach in
+/// even ground: the extremes of the 144 pixels around a tile lie six standard deviations apart.
 int contrast_above_noise(double noise);
 
 /// Extremes of the image over tiles, from which thresholds at any level follow.
