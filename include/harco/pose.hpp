@@ -38,10 +38,20 @@ struct Pose {
 
   /// The second solution of a plane's pose where the corners don't exclude it.
   std::optional<Eigen::Isometry3d> alternative;
+
+  /// Whether pose and covariance come from the grey values; otherwise they are the corners'.
+  bool aligned = false;
+  /// Of the pixels compared: the share that fits, 0 … 1. What is covered, in another light or
+  /// dirty doesn't. Zero where not aligned.
+  double share_used = 0.0;
 };
 
 struct PoseOptions {
   Fusion fusion = Fusion::joint;
+
+  /// After Fusion::joint: align the marker's own picture to the image's grey values, down to the
+  /// noise. Where that doesn't converge or doesn't fit, the corners' pose stands.
+  bool align = true;
 };
 
 /// Poses of all parents that are seen, best evidence (greatest area in the image) first; a parent

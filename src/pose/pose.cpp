@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "pose/align.hpp"
 #include "pose/group.hpp"
 #include "pose/paper.hpp"
 
@@ -23,13 +24,17 @@ Pose describe(const Eigen::Isometry3d& camera_T_marker, int parent,
   return pose;
 }
 
-Pose joint_pose(const Group& group, int parent, const std::vector<Detection>& detections,
-                const Camera& camera) {
+/// `alignment` replaces the corners' solution where there is one.
+Pose joint_pose(const Group& group, const std::optional<Alignment>& alignment, int parent,
+                const std::vector<Detection>& detections, const Camera& camera) {
   std::vector<Observation> used;
   for (std::size_t k = 0; k < group.members.size(); ++k)
     if (group.pose.used[k]) used.push_back(group.members[k]);
-  Pose pose = describe(group.pose.camera_T_marker, parent, used, detections, camera);
-  pose.covariance = group.pose.covariance;
+  Pose pose = describe(alignment ? alignment->camera_T_marker : group.pose.camera_T_marker, parent,
+                       used, detections, camera);
+  pose.covariance = alignment ? alignment->covariance : group.pose.covariance;
+  pose.aligned = alignment.has_value();
+  if (alignment) pose.share_used = alignment->share;
   if (group.pose.ambiguous) pose.alternative = group.pose.second;
   return pose;
 }
@@ -66,11 +71,21 @@ std::vector<Pose> estimate_poses(const ImageView& image, const std::vector<Detec
 
   std::vector<Pose> poses;
   for (std::size_t i = 0; i < by_parent.size(); ++i) {
+    if (by_parent[i].empty()) continue;
     const Parent& parent = markers.parents[i];
     const int id = parent.marker.id;
-    for (const Group& group : group_by_sheet(by_parent[i], detections, parent.side_m))
-      poses.push_back(options.fusion == Fusion::paper ? paper_pose(group, id, detections, camera)
-                                                      : joint_pose(group, id, detections, camera));
+    const bool aligns = options.align && options.fusion == Fusion::joint && !image.empty();
+    const InkPlan ink = aligns ? ink_plan(markers, static_cast<int>(i)) : InkPlan{};
+    const double cell_m = parent.side_m / (parent.marker.code.cells + 2);
+    for (const Group& group : group_by_sheet(by_parent[i], detections, parent.side_m)) {
+      if (options.fusion == Fusion::paper) {
+        poses.push_back(paper_pose(group, id, detections, camera));
+        continue;
+      }
+      std::optional<Alignment> alignment;
+      if (aligns) alignment = align(image, ink, cell_m, camera, group.pose.camera_T_marker);
+      poses.push_back(joint_pose(group, alignment, id, detections, camera));
+    }
   }
   std::stable_sort(poses.begin(), poses.end(), [&](const Pose& a, const Pose& b) {
     return evidence(a, detections) > evidence(b, detections);

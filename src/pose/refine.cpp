@@ -16,19 +16,6 @@ using Eigen::Vector3d;
 using Matrix26d = Eigen::Matrix<double, 2, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// Image of R p + t and its derivative by (dt, w), with R Exp(w) and t + dt:
-/// d(R Exp(w) p)/dw = -R [p]x.
-Vector2d project(const Matrix3d& rotation, const Vector3d& p, const Vector3d& point,
-                 Matrix26d& jacobian) {
-  const double inverse_z = 1.0 / point.z();
-  const Vector2d image = point.head<2>() * inverse_z;
-  Eigen::Matrix<double, 2, 3> perspective;
-  perspective << inverse_z, 0.0, -image.x() * inverse_z, 0.0, inverse_z, -image.y() * inverse_z;
-  jacobian.leftCols<3>() = perspective;
-  jacobian.rightCols<3>() = -(perspective * rotation) * skew(p);
-  return image;
-}
-
 /// Pose of a frame at the points' centre, where rotation and translation hardly mix: for a small
 /// marker far from the parent's corner they would otherwise cancel each other in most digits.
 struct Centred {
@@ -88,14 +75,6 @@ Vector2d weighted_centre(std::span<const Observation> observations,
   return sum / std::max(count, 1.0);
 }
 
-/// The covariance of the parent's frame from that of the centred one: t = t_c - R c, hence
-/// dt = dt_c + R [c]x w.
-Matrix6d moved(const Matrix6d& covariance, const Matrix3d& rotation, const Vector3d& centre) {
-  Matrix6d move = Matrix6d::Identity();
-  move.topRightCorner<3, 3>() = rotation * skew(centre);
-  return move * covariance * move.transpose();
-}
-
 }  // namespace
 
 Matrix3d skew(const Vector3d& v) {
@@ -108,6 +87,24 @@ Matrix3d rotation_exp(const Vector3d& w) {
   const double angle = w.norm();
   if (angle < 1e-12) return Matrix3d::Identity() + skew(w);
   return Eigen::AngleAxisd(angle, w / angle).toRotationMatrix();
+}
+
+Vector2d project(const Matrix3d& rotation, const Vector3d& p, const Vector3d& point,
+                 Matrix26d& jacobian) {
+  // d(R Exp(w) p)/dw = -R [p]x.
+  const double inverse_z = 1.0 / point.z();
+  const Vector2d image = point.head<2>() * inverse_z;
+  Eigen::Matrix<double, 2, 3> perspective;
+  perspective << inverse_z, 0.0, -image.x() * inverse_z, 0.0, inverse_z, -image.y() * inverse_z;
+  jacobian.leftCols<3>() = perspective;
+  jacobian.rightCols<3>() = -(perspective * rotation) * skew(p);
+  return image;
+}
+
+Matrix6d moved(const Matrix6d& covariance, const Matrix3d& rotation, const Vector3d& centre) {
+  Matrix6d move = Matrix6d::Identity();
+  move.topRightCorner<3, 3>() = rotation * skew(centre);
+  return move * covariance * move.transpose();
 }
 
 std::optional<Refined> refine(std::span<const Observation> observations,

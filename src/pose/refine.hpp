@@ -17,6 +17,15 @@ Eigen::Matrix3d skew(const Eigen::Vector3d& v);
 /// Exp of a rotation vector.
 Eigen::Matrix3d rotation_exp(const Eigen::Vector3d& w);
 
+/// Image (X/Z, Y/Z) of `point` = R p + t with its derivative by (dt, w), where R Exp(w) and t + dt.
+Eigen::Vector2d project(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& p,
+                        const Eigen::Vector3d& point, Eigen::Matrix<double, 2, 6>& jacobian);
+
+/// The covariance of a pose (dt, w) from that of the same pose with its origin moved to `centre`:
+/// t = t_centre - R centre, hence dt = dt_centre + R [centre]x w.
+Matrix6d moved(const Matrix6d& covariance, const Eigen::Matrix3d& rotation,
+               const Eigen::Vector3d& centre);
+
 /// A local minimum of the weighted chi-square.
 struct Refined {
   Eigen::Isometry3d camera_T_marker = Eigen::Isometry3d::Identity();
