@@ -4,9 +4,11 @@
 #include <array>
 #include <cmath>
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 
 #include "detect/sample.hpp"
+#include "detect/square_homography.hpp"
 
 namespace harco::detect {
 namespace {
@@ -46,6 +48,13 @@ struct Profiles {
   int count = 0;
   int inward = 0;
   int outward = 0;
+};
+
+/// What changes evenly along a side: a grey level with the light, a width with the perspective.
+struct Linear {
+  double middle = 0.0;
+  double slope = 0.0;  // a pixel
+  double at(double along) const { return middle + slope * along; }
 };
 
 /// How far to look across a side, in steps.
@@ -99,16 +108,9 @@ double median_at(const Profiles& profiles, int k) {
   return median_at(profiles, k, 0, profiles.count);
 }
 
-/// A grey level that light changes evenly along a side.
-struct Level {
-  double middle = 0.0;
-  double slope = 0.0;  // grey levels a pixel
-  double at(double along) const { return middle + slope * along; }
-};
-
 /// The level at one step: a straight line through the greys along the side, without those that
 /// something hides. It is even unless its slope stands out of the noise; short sides can't tell.
-Level level_at(const Profiles& profiles, int k) {
+Linear level_at(const Profiles& profiles, int k) {
   constexpr int kEnough = 16;
   const int count = profiles.count;
   if (count < kEnough) return {median_at(profiles, k), 0.0};
@@ -189,8 +191,8 @@ std::optional<double> dip_position(const Profiles& profiles, int i, double insid
 
 /// Plain steps: dark inside, bright outside, or the other way round.
 EdgePoints locate_steps(const Profiles& profiles, int outward, bool bright_inside) {
-  const Level inside = level_at(profiles, -profiles.inward);
-  const Level outside = level_at(profiles, outward);
+  const Linear inside = level_at(profiles, -profiles.inward);
+  const Linear outside = level_at(profiles, outward);
   EdgePoints points;
   for (int i = 0; i < profiles.count; ++i) {
     const double along = profiles.along[static_cast<std::size_t>(i)];
@@ -203,22 +205,23 @@ EdgePoints locate_steps(const Profiles& profiles, int outward, bool bright_insid
 
 /// The inner edge of a dark line of known width with bright on both sides. Blur moves the edges of
 /// a thin line apart, but not its middle.
-EdgePoints locate_line(const Profiles& profiles, double width) {
-  const Level inside = level_at(profiles, -profiles.inward);
-  const Level outside = level_at(profiles, profiles.outward);
+EdgePoints locate_line(const Profiles& profiles, const Linear& width) {
+  const Linear inside = level_at(profiles, -profiles.inward);
+  const Linear outside = level_at(profiles, profiles.outward);
   EdgePoints points;
   for (int i = 0; i < profiles.count; ++i) {
     const double along = profiles.along[static_cast<std::size_t>(i)];
     if (const auto middle = dip_position(profiles, i, inside.at(along), outside.at(along)))
-      points.add(along, *middle - 0.5 * width);
+      points.add(along, *middle - 0.5 * width.at(along));
   }
   return points;
 }
 
-/// The border of a child: bright inside, then a line `line` pixels wide, then a bright or a dark
+/// The border of a child: bright inside, then a line `width` pixels wide, then a bright or a dark
 /// cell `band` pixels wide or wider.
 EdgePoints locate_child_edge(const ImageView& image, const Lens& lens, const Point& a,
-                             const Point& b, double band, double line) {
+                             const Point& b, double band, const Linear& width) {
+  const double line = width.middle;
   const double reach = std::clamp(0.45 * band, 1.0, 4.0);
   constexpr double kThin =
       4.5;  // pixels; a line this wide is dark in its middle, whatever the blur
@@ -239,7 +242,7 @@ EdgePoints locate_child_edge(const ImageView& image, const Lens& lens, const Poi
   if (inside - darkest < kMinContrast) return {};
   // Where the neighbouring cell is black too, the line has merged with it.
   const bool merged = outside - darkest < 0.35 * (inside - darkest);
-  return merged ? locate_steps(profiles, profiles.inward, true) : locate_line(profiles, line);
+  return merged ? locate_steps(profiles, profiles.inward, true) : locate_line(profiles, width);
 }
 
 /// Robust straight line through edge points (Tukey's weights, three rounds).
@@ -316,21 +319,41 @@ double parent_allowance(double band) {
 double child_allowance(double band, double line) {
   const double ring = band / 1.25;
   const double between = (line - 4.0) / 2.0;
-  return 0.01 + 0.45 * std::exp(-0.5 * ring * ring) + 0.03 * std::exp(-0.5 * between * between);
+  return 0.01 + 0.45 * std::exp(-0.5 * ring * ring) + 0.012 * std::exp(-0.5 * between * between);
 }
 
-/// One side from a to b; the quad extends `depth` pixels from it to the opposite side. The quad
-/// runs clockwise, so its outside is on the left of the way.
+/// Distance in pixels that `share` of the marker's side has across a side, to the inside of it if
+/// positive, at the side's point `along` (0 … 1 from its first corner).
+double width_across(const Eigen::Matrix3d& image_H_square, std::size_t side, double along,
+                    double share) {
+  // Of the unit square: where each side starts, its way, and the way to the inside.
+  static const std::array<Eigen::Vector2d, 4> starts{{{0, 0}, {1, 0}, {1, 1}, {0, 1}}};
+  static const std::array<Eigen::Vector2d, 4> ways{{{1, 0}, {0, 1}, {-1, 0}, {0, -1}}};
+  const Eigen::Vector2d inwards = ways[(side + 1) % 4];
+  const auto seen = [&](const Eigen::Vector2d& square) {
+    return Eigen::Vector2d((image_H_square * square.homogeneous()).hnormalized());
+  };
+  const Eigen::Vector2d on = starts[side] + along * ways[side];
+  const Eigen::Vector2d way = (seen(starts[side] + ways[side]) - seen(starts[side])).normalized();
+  const Eigen::Vector2d across = seen(on + share * inwards) - seen(on);
+  return std::abs(way.x() * across.y() - way.y() * across.x());
+}
+
+/// Side `side` of the quad from a to b. The quad runs clockwise, so its outside is on the left of
+/// the way. Where the quad is seen steeply, all widths change from side to side and along them.
 std::optional<FittedLine> fit_side(const ImageView& image, const Lens& lens, const Point& a,
-                                   const Point& b, double depth, const SideProfile& profile) {
+                                   const Point& b, const Eigen::Matrix3d& image_H_square,
+                                   std::size_t side, const SideProfile& profile) {
   const double length = (b - a).norm();
   if (length < 4.0) return std::nullopt;
-  const double band = profile.cell_share * depth;
-  const double line = profile.line_share * depth;
+  const double band = width_across(image_H_square, side, 0.5, profile.cell_share);
+  const double first = width_across(image_H_square, side, 0.25, -profile.line_share);
+  const double second = width_across(image_H_square, side, 0.75, -profile.line_share);
+  const Linear width{0.5 * (first + second), (second - first) / (0.5 * length)};
 
   EdgePoints points;
   if (profile.bright_inside) {
-    points = locate_child_edge(image, lens, a, b, band, line);
+    points = locate_child_edge(image, lens, a, b, band, width);
   } else {
     const int reach = steps(std::clamp(0.45 * band, 1.0, 4.0));
     points = locate_steps(read_profiles(image, lens, a, b, {reach, reach}), reach, false);
@@ -338,7 +361,7 @@ std::optional<FittedLine> fit_side(const ImageView& image, const Lens& lens, con
   auto fitted = fit_points(points, 0.5 * (a + b), (b - a) / length, length);
   if (!fitted) return std::nullopt;
   const double systematic =
-      profile.bright_inside ? child_allowance(band, line) : parent_allowance(band);
+      profile.bright_inside ? child_allowance(band, width.middle) : parent_allowance(band);
   fitted->offset_variance += systematic * systematic;
   return fitted;
 }
@@ -370,13 +393,10 @@ std::optional<FittedQuad> fit_edges(const ImageView& image, const Lens& lens, co
   // The second round starts from where the first one found the edges.
   for (int round = 0; round < 2; ++round) {
     std::array<FittedLine, 4> lines;
+    const Eigen::Matrix3d image_H_square = square_homography(fitted.corners);
     for (std::size_t i = 0; i < 4; ++i) {
-      const Point a = fitted.corners[i];
-      const Point b = fitted.corners[(i + 1) % 4];
-      const Point opposite = 0.5 * (fitted.corners[(i + 2) % 4] + fitted.corners[(i + 3) % 4]);
-      const Point along = (b - a).normalized();
-      const double depth = along.x() * (opposite - a).y() - along.y() * (opposite - a).x();
-      const auto line = fit_side(image, lens, a, b, depth, profile);
+      const auto line = fit_side(image, lens, fitted.corners[i], fitted.corners[(i + 1) % 4],
+                                 image_H_square, i, profile);
       if (!line) return std::nullopt;
       lines[i] = *line;
     }
