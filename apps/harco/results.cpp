@@ -47,7 +47,9 @@ Json pose_json(const Pose& pose) {
           {"translation", vector_json(pose.camera_T_marker.translation())},
           {"covariance", is_known(pose.covariance) ? matrix_json(*pose.covariance) : Json(nullptr)},
           {"rms_px", number(pose.rms_px)},
-          {"markers", pose.markers}};
+          {"markers", pose.markers},
+          {"aligned", pose.aligned},
+          {"share_used", number(pose.share_used)}};
 }
 
 /// One row of CSV by the names of its columns.
@@ -108,7 +110,7 @@ const std::vector<std::string>& Row::columns() {
     names.insert(names.end(), {"bit_errors", "quality", "tx", "ty", "tz"});
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) names.push_back(indexed("r", i, j));
-    names.insert(names.end(), {"rms_px", "markers"});
+    names.insert(names.end(), {"rms_px", "markers", "aligned", "share_used"});
     for (int i = 0; i < 6; ++i)
       for (int j = i; j < 6; ++j) names.push_back(indexed("c", i, j));
     names.emplace_back("error");
@@ -145,6 +147,8 @@ std::string pose_row(const FrameResult& result, const Pose& pose) {
     for (int j = 0; j < 3; ++j) row.set(indexed("r", i, j), r(i, j));
   row.set("rms_px", pose.rms_px);
   row.set("markers", pose.markers);
+  row.set("aligned", pose.aligned ? 1 : 0);
+  row.set("share_used", pose.share_used);
   if (is_known(pose.covariance))
     for (int i = 0; i < 6; ++i)
       for (int j = i; j < 6; ++j) row.set(indexed("c", i, j), (*pose.covariance)(i, j));

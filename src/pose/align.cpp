@@ -30,7 +30,7 @@ using Normal = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 using Levels = Eigen::Matrix<double, 6, 1>;
 
 // The most pixels that are compared; of more, an even choice is.
-constexpr std::size_t kMostSamples = 24000;
+constexpr std::size_t kMostSamples = 6000;
 constexpr std::size_t kLeastSamples = 60;
 // So many sigmas of blur around an edge are compared.
 constexpr double kBand = 2.2;
