@@ -222,8 +222,8 @@ TEST(Generate, KeepsTheBestWhenStopped) {
 
   if (!test::has_program("timeout")) return;
   const CommandResult interrupted = test::run_shell(
-      std::string("timeout --preserve-status -s INT 3 '") + HARCO_COMMAND + "' generate " +
-      endless + "--out '" + (folder / "interrupted").string() + "'");
+      std::string("timeout --foreground --preserve-status -s INT 3 '") + HARCO_COMMAND +
+      "' generate " + endless + "--out '" + (folder / "interrupted").string() + "'");
   EXPECT_EQ(interrupted.status, 0) << interrupted.errors;
   EXPECT_NE(interrupted.errors.find("stopped early"), std::string::npos) << interrupted.errors;
   EXPECT_EQ(place(load_markers(folder / "interrupted/markers.json")).size(), 156u);

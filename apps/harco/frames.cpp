@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <new>
 #include <system_error>
 #include <utility>
 
@@ -178,6 +179,8 @@ void load(Frame& frame, bool colour) {
     frame.timestamp_s = loaded.timestamp_s.value_or(frame.timestamp_s);
   } catch (const Error& error) {
     frame.error = error.what();
+  } catch (const std::bad_alloc&) {
+    frame.error = frame.file.string() + ": is too large for this machine's memory";
   }
   frame.file.clear();
 }

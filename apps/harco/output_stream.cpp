@@ -15,7 +15,15 @@ OutputStream::OutputStream(const std::string& file, bool at_once)
     return;
   }
   std::error_code ignored;
-  const bool plain = !fs::exists(file_, ignored) || fs::is_regular_file(file_, ignored);
+  // Links are written through, and what stands in /dev or /proc is never replaced.
+  if (fs::is_symlink(file_, ignored) && fs::exists(file_, ignored)) {
+    const fs::path absolute = fs::absolute(file_, ignored);
+    const bool device =
+        absolute.string().rfind("/dev/", 0) == 0 || absolute.string().rfind("/proc/", 0) == 0;
+    if (!device) file_ = fs::canonical(file_, ignored);
+  }
+  const bool plain = !fs::exists(file_, ignored) ||
+                     (fs::is_regular_file(file_, ignored) && !fs::is_symlink(file_, ignored));
   fs::path target = file_;
   if (plain) {
     beside_ = file_;

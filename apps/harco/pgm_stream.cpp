@@ -72,8 +72,12 @@ void PgmStream::read_comment(PgmFrame& frame) {
   };
   constexpr std::string_view kKey = "timestamp_s";
   const std::size_t key = skip_space(0);
-  if (text.compare(key, kKey.size(), kKey) != 0) return;
-  const std::size_t value = skip_space(key + kKey.size());
+  const std::size_t after = key + kKey.size();
+  const bool named = text.compare(key, kKey.size(), kKey) == 0 && after < text.size() &&
+                     is_space(static_cast<unsigned char>(text[after]));
+  if (!named) return;
+  std::size_t value = skip_space(after);
+  if (value < text.size() && text[value] == '+') ++value;
   double seconds = 0.0;
   const auto [end, failed] =
       std::from_chars(text.data() + value, text.data() + text.size(), seconds);

@@ -3,12 +3,16 @@
 #include <png.h>
 
 #include <csetjmp>
+#include <cstdint>
 #include <cstring>
 
 #include "harco/error.hpp"
 
 namespace harco::cli {
 namespace {
+
+// What a header may ask for: more than any camera has, and too little to exhaust the memory.
+constexpr std::uint64_t kMaxPixels = std::uint64_t{1} << 28;
 
 constexpr png_uint_32 kMaxSide = 65535;
 
@@ -89,6 +93,9 @@ Picture decode_png(const std::vector<std::uint8_t>& bytes, const std::string& na
     throw Error(name + ": is a damaged PNG (" + std::string(decoder.message) + ")");
   };
   if (decoder.info == nullptr || !decoder.read_header()) fail();
+  if (std::uint64_t{decoder.width} * decoder.height > kMaxPixels)
+    throw Error(name + ": is too large (" + std::to_string(decoder.width) + " x " +
+                std::to_string(decoder.height) + ")");
   Image raw(static_cast<int>(decoder.width * decoder.channels), static_cast<int>(decoder.height));
   if (!decoder.read_pixels(raw.pixels.data())) fail();
 

@@ -8,9 +8,12 @@
 namespace harco::cli {
 
 void write_file(const std::filesystem::path& file, const std::string& content) {
-  std::filesystem::path beside = file;
-  beside += ".part";
   std::error_code failed;
+  std::filesystem::path target = file;  // links are written through
+  if (std::filesystem::is_symlink(file, failed) && std::filesystem::exists(file, failed))
+    target = std::filesystem::canonical(file, failed);
+  std::filesystem::path beside = target;
+  beside += ".part";
   std::ofstream out(beside, std::ios::binary | std::ios::trunc);
   out << content;
   out.close();
@@ -18,7 +21,7 @@ void write_file(const std::filesystem::path& file, const std::string& content) {
     std::filesystem::remove(beside, failed);
     throw Error(file.string() + ": can't be written");
   }
-  std::filesystem::rename(beside, file, failed);
+  std::filesystem::rename(beside, target, failed);
   if (failed) {
     std::error_code ignored;
     std::filesystem::remove(beside, ignored);

@@ -96,6 +96,10 @@ class Detector {
  public:
   /// Throws std::invalid_argument for an impossible set (see validate) or option.
   explicit Detector(MarkerSet markers, const DetectorOptions& options = {});
+
+  /// The same with default options, for images taken with `camera`.
+  Detector(MarkerSet markers, const Camera& camera);
+
   ~Detector();
   Detector(Detector&&) noexcept;
   Detector& operator=(Detector&&) noexcept;

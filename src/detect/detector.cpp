@@ -61,18 +61,64 @@ struct Shape {
   bool hole;
 };
 
+/// Corners of one shape at two thresholds are no farther apart than this, in pixels.
+double tolerance(const Shape& shape) { return 0.6 + 0.02 * detect::mean_side(shape.corners); }
+
 bool same(const Shape& a, const Shape& b) {
   if (a.hole != b.hole) return false;
-  const double tolerance = 0.6 + 0.02 * detect::mean_side(a.corners);
+  const double limit = tolerance(a);
   // Both run clockwise but may start at different corners.
   for (std::size_t turn = 0; turn < 4; ++turn) {
     bool all = true;
     for (std::size_t i = 0; i < 4 && all; ++i)
-      all = (a.corners[i] - b.corners[(i + turn) % 4]).norm() < tolerance;
+      all = (a.corners[i] - b.corners[(i + turn) % 4]).norm() < limit;
     if (all) return true;
   }
   return false;
 }
+
+/// The shapes found so far, by where their centres lie.
+class ShapeIndex {
+ public:
+  void clear(int width, int height) {
+    columns_ = width / kCell + 1;
+    rows_ = height / kCell + 1;
+    buckets_.resize(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_));
+    for (std::vector<int>& bucket : buckets_) bucket.clear();
+    shapes_.clear();
+  }
+
+  /// Keeps the shape unless it was there already.
+  void add(const Shape& shape) {
+    const Eigen::Vector2d centre = mean_corner(shape.corners);
+    const int column = std::clamp(static_cast<int>(centre.x()) / kCell, 0, columns_ - 1);
+    const int row = std::clamp(static_cast<int>(centre.y()) / kCell, 0, rows_ - 1);
+    const int reach = 1 + static_cast<int>(tolerance(shape)) / kCell;
+    for (int r = std::max(0, row - reach); r <= std::min(rows_ - 1, row + reach); ++r)
+      for (int c = std::max(0, column - reach); c <= std::min(columns_ - 1, column + reach); ++c)
+        for (const int other : bucket(r, c))
+          if (same(shape, shapes_[static_cast<std::size_t>(other)])) return;
+    bucket(row, column).push_back(static_cast<int>(shapes_.size()));
+    shapes_.push_back(shape);
+  }
+
+  const std::vector<Shape>& shapes() const { return shapes_; }
+
+ private:
+  static constexpr int kCell = 16;  // pixels
+
+  static Eigen::Vector2d mean_corner(const Quad& quad) {
+    return 0.25 * (quad[0] + quad[1] + quad[2] + quad[3]);
+  }
+  std::vector<int>& bucket(int row, int column) {
+    return buckets_[static_cast<std::size_t>(row * columns_ + column)];
+  }
+
+  int columns_ = 0;
+  int rows_ = 0;
+  std::vector<std::vector<int>> buckets_;
+  std::vector<Shape> shapes_;
+};
 
 /// How sure a detection is by itself.
 enum class Standing { sure, needs_relatives, needs_memory };
@@ -148,14 +194,14 @@ struct Detector::Impl {
   detect::TileExtremes extremes;
   detect::ThresholdMap map;
   detect::BorderFollower follower;
-  std::vector<Shape> shapes;
+  ShapeIndex shapes;
   std::vector<Candidate> candidates;
   std::vector<Found> found;
   std::vector<Match> matches;
 };
 
 void Detector::Impl::find_shapes(const ImageView& image, DetectionTrace* trace) {
-  shapes.clear();
+  shapes.clear(image.width(), image.height());
   extremes.measure(image);
   const double extent = 0.5 * options.min_side_px;  // of a steep marker's bounding box
   const auto points = static_cast<std::size_t>(2.5 * options.min_side_px);
@@ -179,10 +225,7 @@ void Detector::Impl::find_shapes(const ImageView& image, DetectionTrace* trace) 
       if (books.empty()) return;
       const auto quad = detect::fit_quad(contour);
       if (!quad || detect::mean_side(*quad) < 0.8 * options.min_side_px) return;
-      const Shape shape{*quad, contour.hole};
-      if (std::none_of(shapes.begin(), shapes.end(),
-                       [&](const Shape& other) { return same(shape, other); }))
-        shapes.push_back(shape);
+      shapes.add({*quad, contour.hole});
     });
   }
 }
@@ -381,7 +424,7 @@ std::vector<Detection> Detector::Impl::detect(const ImageView& image, DetectionT
   candidates.clear();
   found.clear();
   find_shapes(image, trace);
-  for (const Shape& shape : shapes) examine(image, shape);
+  for (const Shape& shape : shapes.shapes()) examine(image, shape);
   std::vector<Detection> detections = settle();
   if (trace) trace->candidates = candidates;
   return detections;
@@ -389,6 +432,12 @@ std::vector<Detection> Detector::Impl::detect(const ImageView& image, DetectionT
 
 Detector::Detector(MarkerSet markers, const DetectorOptions& options)
     : impl_(std::make_unique<Impl>(std::move(markers), options)) {}
+Detector::Detector(MarkerSet markers, const Camera& camera)
+    : Detector(std::move(markers), [&] {
+        DetectorOptions options;
+        options.camera = camera;
+        return options;
+      }()) {}
 Detector::~Detector() = default;
 Detector::Detector(Detector&&) noexcept = default;
 Detector& Detector::operator=(Detector&&) noexcept = default;

@@ -124,6 +124,16 @@ void fill(Image& image, const Rect& rect, const Eigen::Vector2i& origin, std::ui
   for (auto y = y0; y < y1; ++y) std::fill_n(image.row(static_cast<int>(y)) + x0, x1 - x0, value);
 }
 
+/// The factor nearest to whole / length for which factor * length is `whole` to the last bit, where
+/// there is one.
+double whole_product_factor(double whole, double length) {
+  const double factor = whole / length;
+  for (const double near :
+       {factor, std::nextafter(factor, 0.0), std::nextafter(factor, 2.0 * factor)})
+    if (near * length == whole) return near;
+  return factor;
+}
+
 }  // namespace
 
 Raster raster(const MarkerSet& markers, int parent_index, const RasterOptions& options) {
@@ -141,7 +151,7 @@ Raster raster(const MarkerSet& markers, int parent_index, const RasterOptions& o
 
   Raster drawn;
   drawn.origin_px = {quiet_px, quiet_px};
-  drawn.pixels_per_metre = side_px / parent.side_m;
+  drawn.pixels_per_metre = whole_product_factor(side_px, parent.side_m);
   drawn.line = rounded(single.line, grid.child * scale);
 
   // The same marker with a pixel for a metre: all its edges are whole numbers.

@@ -28,7 +28,7 @@ int main() {
 
   const auto markers = harco::load_markers("markers.json");
   const auto camera = harco::load_camera("camera.yaml");
-  harco::Detector detector(markers);
+  harco::Detector detector(markers, camera);
 
   const auto image = drawn.image.view();
   const auto detections = detector.detect(image);
