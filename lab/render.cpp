@@ -5,8 +5,7 @@
 #include <numbers>
 #include <random>
 #include <stdexcept>
-
-#include "harco/geometry.hpp"
+#include <string>
 
 namespace harco::lab {
 namespace {
@@ -176,8 +175,8 @@ class Light {
   Eigen::Isometry3d marker_T_camera_;
 };
 
-void paint(const Scene& scene, const MarkerSet& markers, const PlacedParent& placed,
-           const View& view, FloatImage& image) {
+void paint(const Scene& scene, const Sheet& printed, const PlacedParent& placed, const View& view,
+           FloatImage& image) {
   const double camera_height = placed.camera_T_marker.inverse().translation().z();
   if (camera_height >= 0.0) return;  // seen from behind
 
@@ -190,11 +189,8 @@ void paint(const Scene& scene, const MarkerSet& markers, const PlacedParent& pla
     return view.outline(std::move(polygon));
   };
 
-  const InkPlan plan = ink_plan(markers, placed.parent_index);
-  const Parent& parent = markers.parents[static_cast<std::size_t>(placed.parent_index)];
-  const double zone = scene.quiet_zone_cells * parent.side_m / (parent.marker.code.cells + 2);
-  const Polygon2 sheet_outline = outline(
-      {plan.square.x0 - zone, plan.square.y0 - zone, plan.square.x1 + zone, plan.square.y1 + zone});
+  const InkPlan& plan = printed.ink;
+  const Polygon2 sheet_outline = outline(printed.paper);
   const Psf psf{scene.psf_sigma_px, scene.oversampling};
   const PixelWindow window = window_around(sheet_outline, scene.camera, psf.reach_px() + 1);
   if (window.width <= 0 || window.height <= 0) return;
@@ -208,7 +204,7 @@ void paint(const Scene& scene, const MarkerSet& markers, const PlacedParent& pla
 
   const FloatImage sheet_share = sheet.blurred();
   const FloatImage ink_share = ink.blurred();
-  const Light light(scene, placed, parent.side_m);
+  const Light light(scene, placed, plan.square.width());
   for (int y = 0; y < window.height; ++y) {
     float* to = image.row(window.y + y) + window.x;
     for (int x = 0; x < window.width; ++x) {
@@ -234,9 +230,9 @@ void check(const Scene& scene) {
     throw std::invalid_argument("render: the background has not the camera's size");
 }
 
-}  // namespace
-
-FloatImage render_exact(const Scene& scene, const MarkerSet& markers) {
+/// `sheet(i)` is what PlacedParent::parent_index i stands for.
+template <typename SheetOfIndex>
+FloatImage painted(const Scene& scene, const SheetOfIndex& sheet) {
   check(scene);
   const Camera& camera = scene.camera;
   FloatImage image(camera.width, camera.height, static_cast<float>(scene.grey));
@@ -244,21 +240,53 @@ FloatImage render_exact(const Scene& scene, const MarkerSet& markers) {
     std::copy(scene.background->pixels.begin(), scene.background->pixels.end(),
               image.pixels.begin());
   const View view(camera, Psf{scene.psf_sigma_px, scene.oversampling}.reach_px() + 2);
-  for (const PlacedParent& placed : scene.parents) paint(scene, markers, placed, view, image);
+  for (const PlacedParent& placed : scene.parents)
+    paint(scene, sheet(placed.parent_index), placed, view, image);
   return image;
 }
 
-Image render(const Scene& scene, const MarkerSet& markers, std::uint64_t noise_seed) {
-  const FloatImage exact = render_exact(scene, markers);
+Image with_noise(const FloatImage& exact, double sigma, std::uint64_t seed) {
   Image image(exact.width, exact.height);
-  std::mt19937_64 random(noise_seed);
+  std::mt19937_64 random(seed);
   std::normal_distribution<double> unit;
   for (std::size_t i = 0; i < image.pixels.size(); ++i) {
     double value = static_cast<double>(exact.pixels[i]);
-    if (scene.noise_sigma > 0.0) value += scene.noise_sigma * unit(random);
+    if (sigma > 0.0) value += sigma * unit(random);
     image.pixels[i] = static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0, 255.0)));
   }
   return image;
+}
+
+}  // namespace
+
+Sheet sheet_of(const MarkerSet& markers, int parent_index, double quiet_zone_cells) {
+  Sheet sheet{ink_plan(markers, parent_index), {}};
+  const Parent& parent = markers.parents[static_cast<std::size_t>(parent_index)];
+  const double zone = quiet_zone_cells * parent.side_m / (parent.marker.code.cells + 2);
+  const Rect& square = sheet.ink.square;
+  sheet.paper = {square.x0 - zone, square.y0 - zone, square.x1 + zone, square.y1 + zone};
+  return sheet;
+}
+
+FloatImage render_exact(const Scene& scene, const MarkerSet& markers) {
+  return painted(scene,
+                 [&](int index) { return sheet_of(markers, index, scene.quiet_zone_cells); });
+}
+
+FloatImage render_exact(const Scene& scene, const std::vector<Sheet>& sheets) {
+  return painted(scene, [&](int index) -> const Sheet& {
+    if (index < 0 || static_cast<std::size_t>(index) >= sheets.size())
+      throw std::invalid_argument("render: no sheet " + std::to_string(index));
+    return sheets[static_cast<std::size_t>(index)];
+  });
+}
+
+Image render(const Scene& scene, const MarkerSet& markers, std::uint64_t noise_seed) {
+  return with_noise(render_exact(scene, markers), scene.noise_sigma, noise_seed);
+}
+
+Image render(const Scene& scene, const std::vector<Sheet>& sheets, std::uint64_t noise_seed) {
+  return with_noise(render_exact(scene, sheets), scene.noise_sigma, noise_seed);
 }
 
 Eigen::Isometry3d look_at_marker(const Eigen::Vector2d& marker_point_m, double distance_m,

@@ -11,14 +11,25 @@
 
 #include "coverage.hpp"
 #include "harco/camera.hpp"
+#include "harco/geometry.hpp"
 #include "harco/image.hpp"
 #include "harco/marker.hpp"
 
 namespace harco::lab {
 
+/// What is printed: a marker, or anything else that rectangles can draw.
+struct Sheet {
+  InkPlan ink;
+  Rect paper;  ///< white wherever no ink is; holds all the ink
+};
+
+/// A parent of the set on paper that reaches `quiet_zone_cells` of its layer-1 cells beyond its
+/// square. Throws std::invalid_argument for an index that is not there.
+Sheet sheet_of(const MarkerSet& markers, int parent_index, double quiet_zone_cells = 1.0);
+
 /// One sheet before the camera.
 struct PlacedParent {
-  int parent_index = 0;  ///< index into MarkerSet::parents
+  int parent_index = 0;  ///< index into MarkerSet::parents, or into a list of sheets
   Eigen::Isometry3d camera_T_marker = Eigen::Isometry3d::Identity();
 };
 
@@ -27,7 +38,7 @@ struct Scene {
   Camera camera;                      ///< size, intrinsics, lens
   std::vector<PlacedParent> parents;  ///< a later one hides an earlier one; from behind none shows
 
-  double quiet_zone_cells = 1.0;  ///< white paper around the square, in cells of layer 1
+  double quiet_zone_cells = 1.0;  ///< of the sheets of a MarkerSet, see sheet_of
   double black = 25.0;            ///< grey level of ink
   double white = 220.0;           ///< grey level of paper
 
@@ -47,9 +58,11 @@ struct Scene {
 /// Grey levels without noise and without rounding; they may leave 0 … 255. Throws
 /// std::invalid_argument for a scene that makes no sense.
 FloatImage render_exact(const Scene& scene, const MarkerSet& markers);
+FloatImage render_exact(const Scene& scene, const std::vector<Sheet>& sheets);
 
 /// The same with noise, in whole grey levels 0 … 255. The same seed gives the same picture.
 Image render(const Scene& scene, const MarkerSet& markers, std::uint64_t noise_seed);
+Image render(const Scene& scene, const std::vector<Sheet>& sheets, std::uint64_t noise_seed);
 
 /// camera_T_marker of a camera whose optical axis meets the marker's plane at `marker_point_m`, at
 /// `distance_m` along the axis. All angles zero is the frontal view, where the axes of camera and

@@ -43,11 +43,13 @@ std::vector<Reading> read_by_opencv(const Image& image, int dictionary) {
   return readings;
 }
 
-std::vector<Reading> read_by_apriltag(const Image& image, const char* family_name) {
+std::vector<Reading> read_by_apriltag(const Image& image, const char* family_name,
+                                      float quad_decimate) {
   const Family family = make_family(family_name);
   const std::unique_ptr<apriltag_detector_t, void (*)(apriltag_detector_t*)> detector{
       apriltag_detector_create(), apriltag_detector_destroy};
   apriltag_detector_add_family(detector.get(), family.get());
+  detector->quad_decimate = quad_decimate;
 
   std::vector<std::uint8_t> pixels = image.pixels;
   image_u8_t picture{image.width, image.height, image.width, pixels.data()};

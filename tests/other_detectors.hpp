@@ -22,7 +22,9 @@ struct Reading {
 /// cv::aruco::DICT_6X6_250.
 std::vector<Reading> read_by_opencv(const Image& image, int dictionary);
 
-/// By libapriltag with its defaults. `family` is 16h5, 25h9, 36h10 or 36h11.
-std::vector<Reading> read_by_apriltag(const Image& image, const char* family);
+/// By libapriltag with its defaults, quad_decimate 2 among them. `family` is 16h5, 25h9, 36h10 or
+/// 36h11.
+std::vector<Reading> read_by_apriltag(const Image& image, const char* family,
+                                      float quad_decimate = 2.0F);
 
 }  // namespace harco::test
