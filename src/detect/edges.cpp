@@ -329,7 +329,7 @@ double width_across(const Eigen::Matrix3d& image_H_square, std::size_t side, dou
   // Of the unit square: where each side starts, its way, and the way to the inside.
   static const std::array<Eigen::Vector2d, 4> starts{{{0, 0}, {1, 0}, {1, 1}, {0, 1}}};
   static const std::array<Eigen::Vector2d, 4> ways{{{1, 0}, {0, 1}, {-1, 0}, {0, -1}}};
-  const Eigen::Vector2d inwards = ways[(side + 1) % 4];
+  const Eigen::Vector2d& inwards = ways[(side + 1) % 4];
   const auto seen = [&](const Eigen::Vector2d& square) {
     return Eigen::Vector2d((image_H_square * square.homogeneous()).hnormalized());
   };
