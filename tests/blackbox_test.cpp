@@ -77,6 +77,9 @@ struct Kind {
   int least_found;  ///< of kFrames
 };
 
+/// For the names of the tests.
+void PrintTo(const Kind& kind, std::ostream* out) { *out << kind.name; }
+
 class BlackBox : public ::testing::TestWithParam<Kind> {};
 
 TEST_P(BlackBox, FindsAtLeast) {
