@@ -16,19 +16,13 @@ void TileExtremes::measure(const ImageView& image) {
   columns_ = (image.width() + kTile - 1) / kTile;
   rows_ = (image.height() + kTile - 1) / kTile;
   const auto count = static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_);
-  low_.assign(count, 255);
-  high_.assign(count, 0);
-  for (int y = 0; y < image.height(); ++y) {
-    const std::uint8_t* pixels = image.row(y);
-    const auto first = static_cast<std::size_t>(y / kTile) * static_cast<std::size_t>(columns_);
-    for (int column = 0; column < columns_; ++column) {
-      const int x1 = std::min(image.width(), (column + 1) * kTile);
-      const auto tile = first + static_cast<std::size_t>(column);
-      for (int x = column * kTile; x < x1; ++x) {
-        low_[tile] = std::min(low_[tile], pixels[x]);
-        high_[tile] = std::max(high_[tile], pixels[x]);
-      }
-    }
+  low_.resize(count);
+  high_.resize(count);
+  for (int row = 0; row < rows_; ++row) {
+    const auto first = static_cast<std::ptrdiff_t>(row) * columns_;
+    kernels::tile_extremes(image.row(row * kTile), image.stride(), image.width(),
+                           std::min(kTile, image.height() - row * kTile), low_.data() + first,
+                           high_.data() + first);
   }
   near_low_.resize(count);
   near_high_.resize(count);

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "detect/kernels/tile_extremes.hpp"
 #include "harco/image.hpp"
 
 namespace harco::detect {
@@ -49,7 +50,7 @@ int contrast_above_noise(double noise);
 /// Extremes of the image over tiles, from which thresholds at any level follow.
 class TileExtremes {
  public:
-  static constexpr int kTile = 4;
+  static constexpr int kTile = kernels::kTile;
 
   /// Reads the image once.
   void measure(const ImageView& image);

@@ -1,0 +1,22 @@
+// Least and greatest grey of every tile of pixels.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace harco::detect::kernels {
+
+/// Side of a tile, in pixels.
+inline constexpr int kTile = 4;
+
+/// The extremes of a band of tiles: `rows` (1 … kTile) rows of `width` pixels, `stride` bytes
+/// apart. Writes one value for every tile, the last of which may be narrower; reads no pixel beyond
+/// the width.
+void tile_extremes(const std::uint8_t* pixels, std::ptrdiff_t stride, int width, int rows,
+                   std::uint8_t* low, std::uint8_t* high);
+
+/// The same in plain C++, the reference for every instruction set.
+void tile_extremes_scalar(const std::uint8_t* pixels, std::ptrdiff_t stride, int width, int rows,
+                          std::uint8_t* low, std::uint8_t* high);
+
+}  // namespace harco::detect::kernels
