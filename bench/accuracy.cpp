@@ -4,18 +4,14 @@
 // size in the same places. docs/accuracy.md explains the table.
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <exception>
 #include <fstream>
 #include <functional>
 #include <iostream>
-#include <numbers>
 #include <optional>
 #include <random>
-#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
@@ -28,14 +24,14 @@
 #include "lab/bound.hpp"
 #include "lab/render.hpp"
 #include "rivals.hpp"
+#include "trials.hpp"
 
 namespace {
 
 using namespace harco;
 
-using Vector6d = Eigen::Matrix<double, 6, 1>;
+using namespace harco::bench;
 
-constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kSideM = 1.0;
 constexpr double kFlipRad = 10.0 * kDegree;
 // Quantiles 50, 90 and 99 % of the chi-square law with six degrees of freedom.
@@ -106,19 +102,6 @@ struct Frame {
   std::array<Outcome, kMethods> outcomes;
 };
 
-struct Estimate {
-  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  std::optional<Matrix6d> covariance;
-};
-
-/// What must be added to the estimate to make it true, in the sense of Pose::covariance.
-Vector6d error_of(const Eigen::Isometry3d& estimate, const Eigen::Isometry3d& truth) {
-  const Eigen::AngleAxisd turn(estimate.linear().transpose() * truth.linear());
-  Vector6d error;
-  error << truth.translation() - estimate.translation(), turn.angle() * turn.axis();
-  return error;
-}
-
 /// `sight` is the direction to the marker's origin, of length 1.
 Parts parts_of(const Vector6d& error, const Eigen::Vector3d& sight) {
   const double depth = sight.dot(error.head<3>());
@@ -142,36 +125,8 @@ Outcome outcome_of(const std::optional<Estimate>& estimate, const Eigen::Isometr
   outcome.found = true;
   const Vector6d error = error_of(estimate->pose, truth);
   outcome.error = parts_of(error, sight);
-  if (estimate->covariance) outcome.nees = error.dot(estimate->covariance->ldlt().solve(error));
+  outcome.nees = normalised_error_squared(*estimate, truth);
   return outcome;
-}
-
-/// A square of `side_px` (seen straight on), turned and placed at random, wholly in the picture.
-Eigen::Isometry3d random_pose(const Camera& camera, double side_px, double tilt_rad,
-                              std::mt19937_64& random) {
-  constexpr double kMarginPx = 8.0;
-  constexpr int kTrials = 1000000;
-  std::uniform_real_distribution<double> unit(0.0, 1.0);
-  const double distance = camera.fx * kSideM / side_px;
-  for (int trial = 0; trial < kTrials; ++trial) {
-    const double axis = 2.0 * std::numbers::pi * unit(random);
-    const double roll = 2.0 * std::numbers::pi * unit(random);
-    Eigen::Isometry3d pose =
-        lab::look_at_marker({kSideM / 2, kSideM / 2}, distance, tilt_rad, axis, roll);
-    const Eigen::Vector2d middle(camera.width * unit(random), camera.height * unit(random));
-    pose.pretranslate(distance *
-                      (camera.unproject(middle)->homogeneous() - Eigen::Vector3d::UnitZ()));
-    bool inside = true;
-    for (const double x : {0.0, kSideM})
-      for (const double y : {0.0, kSideM}) {
-        const auto pixel = camera.project(pose * Eigen::Vector3d(x, y, 0.0));
-        inside = inside && pixel && pixel->x() > kMarginPx && pixel->y() > kMarginPx &&
-                 pixel->x() < camera.width - kMarginPx && pixel->y() < camera.height - kMarginPx;
-      }
-    // From a side, a tilted plane far off the axis may show its back.
-    if (inside && pose.inverse().translation().z() < 0.0) return pose;
-  }
-  throw std::invalid_argument("a square of this size does not fit into the picture");
 }
 
 std::optional<Estimate> first_of(const std::vector<Pose>& poses) {
@@ -211,7 +166,7 @@ class Referee {
     scene.black = 15.0 + 35.0 * unit(random);
     scene.white = 180.0 + 55.0 * unit(random);
     scene.grey = scene.white;
-    const Eigen::Isometry3d truth = random_pose(camera_, side_px, frame.tilt_deg * kDegree, random);
+    const Eigen::Isometry3d truth = random_pose(camera_, kSideM, side_px, frame.tilt_deg * kDegree, random);
     for (int print = 0; print < kPrints; ++print) {
       scene.parents = {{print, truth}};
       const Matrix6d bound = lab::pose_bound(scene, sheets_);
@@ -265,42 +220,17 @@ class Referee {
   std::vector<lab::Sheet> sheets_;  ///< in the order of Print
 };
 
-/// All frames, side by side, whatever the number of threads.
+/// All frames, whatever the number of threads.
 std::vector<Frame> judge_all(const Options& options, const MarkerSet& markers) {
-  std::vector<Frame> frames(options.sides_px.size() * static_cast<std::size_t>(options.frames));
-  std::atomic<std::size_t> next{0};
-  std::vector<std::exception_ptr> failures(options.threads);
-  std::vector<std::thread> threads;
-  for (unsigned t = 0; t < options.threads; ++t)
-    threads.emplace_back([&, t] {
-      try {
-        Referee referee(options, markers);
-        for (std::size_t i = next++; i < frames.size(); i = next++) {
-          const auto per_side = static_cast<std::size_t>(options.frames);
-          frames[i] = referee.judge(options.sides_px[i / per_side], static_cast<int>(i % per_side));
-        }
-      } catch (...) {
-        failures[t] = std::current_exception();
-        next = frames.size();
-      }
-    });
-  for (std::thread& thread : threads) thread.join();
-  for (const std::exception_ptr& failure : failures)
-    if (failure) std::rethrow_exception(failure);
+  const auto per_side = static_cast<std::size_t>(options.frames);
+  std::vector<Frame> frames(options.sides_px.size() * per_side);
+  std::vector<Referee> referees;
+  for (unsigned t = 0; t < options.threads; ++t) referees.emplace_back(options, markers);
+  for_all(frames.size(), options.threads, [&](unsigned thread, std::size_t i) {
+    frames[i] =
+        referees[thread].judge(options.sides_px[i / per_side], static_cast<int>(i % per_side));
+  });
   return frames;
-}
-
-double mean(const std::vector<double>& values) {
-  double sum = 0.0;
-  for (const double value : values) sum += value;
-  return values.empty() ? std::nan("") : sum / static_cast<double>(values.size());
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return std::nan("");
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// One method over the frames of one side.
@@ -350,14 +280,6 @@ class Row {
   std::vector<Outcome> outcomes_;
 };
 
-/// Three digits of anything.
-std::string number(double value) {
-  char text[32];
-  const int decimals = value < 10.0 ? 2 : value < 100.0 ? 1 : 0;
-  std::snprintf(text, sizeof text, "%.*f", decimals, value);
-  return std::isnan(value) ? "-" : text;
-}
-
 void print_table(const std::vector<Frame>& frames, const std::vector<double>& sides_px) {
   constexpr std::array parts{&Parts::rotation, &Parts::lateral, &Parts::depth};
   for (const double side : sides_px) {
@@ -391,12 +313,8 @@ void print_table(const std::vector<Frame>& frames, const std::vector<double>& si
       if (nees.empty()) continue;
       std::printf("%-26s %7.0f %7s %7s |", kMethodInfo[method].name, side,
                   number(mean(nees)).c_str(), number(median(nees)).c_str());
-      for (const double quantile : kChiSquare) {
-        const auto below =
-            std::count_if(nees.begin(), nees.end(), [&](double value) { return value < quantile; });
-        std::printf(" %6.1f",
-                    100.0 * static_cast<double>(below) / static_cast<double>(nees.size()));
-      }
+      for (const double quantile : kChiSquare)
+        std::printf(" %6.1f", 100.0 * share_below(nees, quantile));
       std::printf("\n");
     }
 }
@@ -420,21 +338,6 @@ void write_csv(const std::vector<Frame>& frames, const std::string& file) {
     }
   out.close();
   if (!out) throw Error(file + ": can't be written");
-}
-
-/// Three layers with the paper's five children; the same every time.
-MarkerSet default_markers() {
-  DictionaryOptions options;
-  options.child_cells = {quincunx(5), quincunx(5)};
-  options.effort = 0.1;
-  return build_markers(generate_dictionary(options), kSideM);
-}
-
-MarkerSet markers_from(const std::string& file) {
-  MarkerSet markers = load_markers(file);
-  markers.parents.resize(1);
-  markers.parents.front().side_m = kSideM;
-  return markers;
 }
 
 }  // namespace
@@ -470,7 +373,7 @@ int main(int argc, char** argv) {
   try {
     cv::setNumThreads(1);
     const MarkerSet markers =
-        options.markers.empty() ? default_markers() : markers_from(options.markers);
+        options.markers.empty() ? default_markers(kSideM) : markers_from(options.markers, kSideM);
     const std::vector<Frame> frames = judge_all(options, markers);
     std::printf("%d frames a side, tilt %g to %g degrees, blur %g px, noise %g of 255\n",
                 options.frames, options.tilts_deg[0], options.tilts_deg[1], options.psf_px,
