@@ -166,7 +166,8 @@ class Referee {
     scene.black = 15.0 + 35.0 * unit(random);
     scene.white = 180.0 + 55.0 * unit(random);
     scene.grey = scene.white;
-    const Eigen::Isometry3d truth = random_pose(camera_, kSideM, side_px, frame.tilt_deg * kDegree, random);
+    const Eigen::Isometry3d truth =
+        random_pose(camera_, kSideM, side_px, frame.tilt_deg * kDegree, random);
     for (int print = 0; print < kPrints; ++print) {
       scene.parents = {{print, truth}};
       const Matrix6d bound = lab::pose_bound(scene, sheets_);

@@ -92,8 +92,9 @@ Frame judge(const Options& options, const MarkerSet& markers, std::size_t bin, i
   for (std::size_t method = 0; method < kMethods.size(); ++method) {
     PoseOptions how;
     how.align = static_cast<Method>(method) == Method::aligned;
-    frame.outcomes[method] = outcome_of(
-        estimate_poses(image.view(), seen, markers, scene.camera, how), frame.drawn.camera_T_marker);
+    frame.outcomes[method] =
+        outcome_of(estimate_poses(image.view(), seen, markers, scene.camera, how),
+                   frame.drawn.camera_T_marker);
   }
   scene.background.reset();  // the outcomes need no pictures
   return frame;
@@ -130,7 +131,8 @@ void print_row(const std::vector<Frame>& frames, std::size_t method, std::size_t
   std::printf("%-8s %9s | %6.1f %6.2f %6.2f | %7s %7s |", kMethods[method], name.c_str(),
               percent(found, all), percent(flips, found), percent(undecided, found),
               number(mean(nees)).c_str(), number(median(nees)).c_str());
-  for (const double quantile : kChiSquare) std::printf(" %6.1f", 100.0 * share_below(nees, quantile));
+  for (const double quantile : kChiSquare)
+    std::printf(" %6.1f", 100.0 * share_below(nees, quantile));
   std::printf(" | %6.3f %6.3f\n", kolmogorov_distance(nees),
               1.36 / std::sqrt(static_cast<double>(nees.size())));
 }
@@ -207,10 +209,11 @@ int main(int argc, char** argv) {
   app.add_option("--csv", options.csv, "file for the outcome of both methods in every frame");
   CLI11_PARSE(app, argc, argv);
   try {
-    if (options.sides_px.size() < 2 || !std::is_sorted(options.sides_px.begin(), options.sides_px.end()))
+    if (options.sides_px.size() < 2 ||
+        !std::is_sorted(options.sides_px.begin(), options.sides_px.end()))
       throw std::invalid_argument("--sides: two or more, ascending");
-    const MarkerSet markers = options.markers.empty() ? default_markers(kSideM)
-                                                      : markers_from(options.markers, kSideM);
+    const MarkerSet markers =
+        options.markers.empty() ? default_markers(kSideM) : markers_from(options.markers, kSideM);
     const auto per_bin = static_cast<std::size_t>(options.frames);
     std::vector<Frame> frames(per_bin * (options.sides_px.size() - 1));
     for_all(frames.size(), options.threads, [&](unsigned, std::size_t i) {

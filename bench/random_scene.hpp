@@ -16,11 +16,11 @@ struct Interval {
 
 /// Between what everything is drawn. Sides, blur and noise evenly in their logarithm.
 struct SceneLaw {
-  Interval side_px;              ///< of the square, seen straight on
+  Interval side_px;  ///< of the square, seen straight on
   Interval tilt_deg{0.0, 60.0};
-  Interval psf_px{0.4, 1.5};     ///< sigma, beside the pixel's own square
-  Interval noise{0.5, 8.0};      ///< sigma in grey levels
-  double distorted = 0.5;        ///< share of the scenes with a lens that distorts
+  Interval psf_px{0.4, 1.5};  ///< sigma, beside the pixel's own square
+  Interval noise{0.5, 8.0};   ///< sigma in grey levels
+  double distorted = 0.5;     ///< share of the scenes with a lens that distorts
 };
 
 struct RandomScene {

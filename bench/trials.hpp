@@ -46,14 +46,15 @@ MarkerSet default_markers(double side_m);
 /// The first parent of a file, scaled to the side.
 MarkerSet markers_from(const std::string& file, double side_m);
 
-double mean(const std::vector<double>& values);    ///< NaN if there are none
-double median(std::vector<double> values);         ///< NaN if there are none
+double mean(const std::vector<double>& values);  ///< NaN if there are none
+double median(std::vector<double> values);       ///< NaN if there are none
 double share_below(const std::vector<double>& values, double limit);
 
 /// Three digits of anything; "-" for NaN.
 std::string number(double value);
 
-/// Calls work(thread, i) for every i below `count`, side by side. The first exception comes through.
+/// Calls work(thread, i) for every i below `count`, side by side. The first exception comes
+/// through.
 void for_all(std::size_t count, unsigned threads,
              const std::function<void(unsigned thread, std::size_t i)>& work);
 

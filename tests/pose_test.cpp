@@ -63,6 +63,11 @@ Matrix3d about(const Vector3d& axis, double degrees) {
   return AngleAxisd(degrees * std::acos(-1.0) / 180.0, axis.normalized()).toRotationMatrix();
 }
 
+Eigen::Block<harco::Matrix8d, 2, 2> corner_block(Detection& detection, std::size_t corner) {
+  const auto at = static_cast<Eigen::Index>(2 * corner);
+  return detection.corner_covariance.block<2, 2>(at, at);
+}
+
 /// The detection that an error-free detector would give, with corners known to `sigma` pixels.
 Detection seen(int index, const Isometry3d& pose, const Camera& camera, double sigma = 0.1) {
   const PlacedMarker& at = placed()[static_cast<std::size_t>(index)];
@@ -76,7 +81,7 @@ Detection seen(int index, const Isometry3d& pose, const Camera& camera, double s
     const auto pixel = camera.project(pose * Vector3d(corners[i].x(), corners[i].y(), 0.0));
     if (!pixel) throw std::runtime_error("the test's corner is not in view");
     detection.corners[i] = *pixel;
-    detection.corner_covariance[i] = sigma * sigma * Matrix2d::Identity();
+    corner_block(detection, i) = sigma * sigma * Matrix2d::Identity();
   }
   return detection;
 }
@@ -235,7 +240,7 @@ double normalised_error(const std::vector<int>& view, const Isometry3d& truth, c
         Matrix2d shape;
         shape << 1.0, 0.0, 0.6, 0.5;
         detection.corners[i] += sigma * shape * Vector2d(normal(random), normal(random));
-        detection.corner_covariance[i] = claimed * claimed * shape * shape.transpose();
+        corner_block(detection, i) = claimed * claimed * shape * shape.transpose();
       }
     const auto poses = estimate(detections, camera);
     EXPECT_EQ(poses.size(), 1U);
@@ -422,9 +427,9 @@ TEST(JointPose, RefusesWhatIsNoDetectionOfTheSet) {
   refused([](Detection& d) { d.corners.fill(Vector2d(1, 2)); });
   refused([](Detection& d) { std::swap(d.corners[1], d.corners[3]); });  // seen from behind
   refused([](Detection& d) { std::swap(d.corners[0], d.corners[1]); });  // crossing itself
-  refused([](Detection& d) { d.corner_covariance[0].setZero(); });
-  refused([](Detection& d) { d.corner_covariance[3](1, 1) = kNan; });
-  refused([](Detection& d) { d.corner_covariance[3](0, 0) = -1.0; });
+  refused([](Detection& d) { corner_block(d, 0).setZero(); });
+  refused([](Detection& d) { d.corner_covariance(7, 7) = kNan; });
+  refused([](Detection& d) { d.corner_covariance(6, 6) = -1.0; });
 
   const std::vector<Detection> detections = all_seen({0}, truth, pinhole());
   Camera no_camera;

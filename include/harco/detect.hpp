@@ -15,6 +15,8 @@
 
 namespace harco {
 
+using Matrix8d = Eigen::Matrix<double, 8, 8>;
+
 /// One marker seen in one image.
 struct Detection {
   int parent = 0;  ///< id of the layer-1 marker that it belongs to
@@ -27,11 +29,9 @@ struct Detection {
   std::array<Eigen::Vector2d, 4> corners{Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero(),
                                          Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
 
-  /// What is known of the corners' errors, in square pixels: from the noise of the edges that were
-  /// fitted, plus an allowance for what the fit can't see (blur of nearby ink).
-  std::array<Eigen::Matrix2d, 4> corner_covariance{
-      Eigen::Matrix2d::Identity(), Eigen::Matrix2d::Identity(), Eigen::Matrix2d::Identity(),
-      Eigen::Matrix2d::Identity()};
+  /// Covariance of the corners' coordinates, x and y of each in turn, in square pixels. Corners at
+  /// the ends of one side share its errors.
+  Matrix8d corner_covariance = Matrix8d::Identity();
 
   int bit_errors = 0;      ///< corrected bits
   double quality = 0.0;    ///< 0 … 1: how well the cells agree with the marker's own picture

@@ -181,6 +181,8 @@ struct Detector::Impl {
                      const detect::FittedQuad& fitted, double blur_px);
   std::vector<Detection> settle();
   void reject(const Found& what, Rejection why);
+  detect::SideProfile side_profile(bool child, int cells) const;
+  void sharpen(const ImageView& image, Detection& detection) const;
 
   MarkerSet markers;
   DetectorOptions options;
@@ -306,15 +308,19 @@ Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
   detection.tentative = best->errors > with_relatives;
   const std::array<Eigen::Vector2d, 4> cell_corners{
       {{0.0, 0.0}, {double(m), 0.0}, {double(m), double(m)}, {0.0, double(m)}}};
+  Matrix8d turned_and_distorted = Matrix8d::Zero();
   for (std::size_t i = 0; i < 4; ++i) {
     const std::size_t seen = (i + static_cast<std::size_t>(best->turns)) % 4;
     const Eigen::Vector2d ideal = (image_H_cells * cell_corners[seen].homogeneous()).hnormalized();
     const auto pixel = lens.from_ideal(ideal);
     if (!pixel) return Rejection::shape;
-    const Eigen::Matrix2d jacobian = lens.from_ideal_jacobian(ideal);
     detection.corners[i] = *pixel;
-    detection.corner_covariance[i] = jacobian * fitted.covariance[seen] * jacobian.transpose();
+    turned_and_distorted.block<2, 2>(static_cast<Eigen::Index>(2 * i),
+                                     static_cast<Eigen::Index>(2 * seen)) =
+        lens.from_ideal_jacobian(ideal);
   }
+  detection.corner_covariance =
+      turned_and_distorted * fitted.covariance * turned_and_distorted.transpose();
   candidate.corners = detection.corners;
   const Standing standing = best->errors <= sure             ? Standing::sure
                             : best->errors <= with_relatives ? Standing::needs_relatives
@@ -338,13 +344,8 @@ void Detector::Impl::examine(const ImageView& image, const Shape& shape) {
   }
   if (whole)
     for (const Codebook& book : shape.hole ? child_books : parent_books) {
-      const double hole = shape.hole ? 1.0 - 2.0 * markers.line.inside : 1.0;
-      const double inside = shape.hole ? markers.line.inside : 0.0;
-      detect::SideProfile profile;
-      profile.bright_inside = shape.hole;
-      profile.cell_share = (1.0 / (book.cells() + 2) - inside) / hole;
-      profile.line_share = shape.hole ? (markers.line.inside + markers.line.outside) / hole : 0.0;
-      const auto fitted = detect::fit_edges(image, lens, ideal, profile);
+      const auto fitted =
+          detect::fit_edges(image, lens, ideal, side_profile(shape.hole, book.cells()));
       if (!fitted) {
         candidate.rejection = Rejection::edges;
         candidate.note = shape.hole
@@ -364,6 +365,47 @@ void Detector::Impl::examine(const ImageView& image, const Shape& shape) {
       if (candidate.rejection == Rejection::none) break;
     }
   candidates.push_back(std::move(candidate));
+}
+
+/// What the fit of a marker's sides has to know.
+detect::SideProfile Detector::Impl::side_profile(bool child, int cells) const {
+  const double inside = child ? markers.line.inside : 0.0;
+  const double hole = 1.0 - 2.0 * inside;
+  detect::SideProfile profile;
+  profile.bright_inside = child;
+  profile.cell_share = (1.0 / (cells + 2) - inside) / hole;
+  profile.line_share = child ? (inside + markers.line.outside) / hole : 0.0;
+  return profile;
+}
+
+/// The final corners, and how well they are known. Those that decoding was content with stay where
+/// nothing better is found.
+void Detector::Impl::sharpen(const ImageView& image, Detection& detection) const {
+  const PlacedMarker& marker = placed[static_cast<std::size_t>(detection.placed)];
+  const bool child = marker.layer > 1;
+  Quad square;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto corner = lens.to_ideal(detection.corners[i]);
+    if (!corner) return;
+    square[i] = *corner;
+  }
+  // The sides that show lie within the full square if the line has a part inside.
+  const double inside = child ? markers.line.inside : 0.0;
+  const auto sharp = detect::sharpen_edges(image, lens, detect::grown(square, -inside),
+                                           side_profile(child, marker.code.cells));
+  if (!sharp) return;
+  square = detect::grown(sharp->corners, inside / (1.0 - 2.0 * inside));
+  Matrix8d distorted = Matrix8d::Zero();
+  std::array<Eigen::Vector2d, 4> corners;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto pixel = lens.from_ideal(square[i]);
+    if (!pixel) return;
+    corners[i] = *pixel;
+    const auto at = static_cast<Eigen::Index>(2 * i);
+    distorted.block<2, 2>(at, at) = lens.from_ideal_jacobian(square[i]);
+  }
+  detection.corners = corners;
+  detection.corner_covariance = distorted * sharp->covariance * distorted.transpose();
 }
 
 void Detector::Impl::reject(const Found& what, Rejection why) {
@@ -426,6 +468,7 @@ std::vector<Detection> Detector::Impl::detect(const ImageView& image, DetectionT
   find_shapes(image, trace);
   for (const Shape& shape : shapes.shapes()) examine(image, shape);
   std::vector<Detection> detections = settle();
+  for (Detection& detection : detections) sharpen(image, detection);
   if (trace) trace->candidates = candidates;
   return detections;
 }

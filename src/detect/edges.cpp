@@ -7,6 +7,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include "detect/bands.hpp"
 #include "detect/sample.hpp"
 #include "detect/square_homography.hpp"
 
@@ -39,6 +40,11 @@ struct FittedLine {
   Point direction;
   double offset_variance = 0.0;
   double slope_variance = 0.0;
+
+  /// Of the points: weights, 0 for those that don't belong, and sums of products of neighbours'
+  /// weighted residuals, by how far they are apart in the list.
+  std::array<double, kMaxPositions> weights{};
+  std::array<double, 3> products{};
 };
 
 /// Grey values across one side: `count` positions times the steps from `-inward` to `outward`.
@@ -48,6 +54,11 @@ struct Profiles {
   int count = 0;
   int inward = 0;
   int outward = 0;
+
+  /// One of them, from the inside out.
+  Eigen::Map<const Eigen::VectorXd> at(int i) const {
+    return {grey[static_cast<std::size_t>(i)].data(), inward + outward + 1};
+  }
 };
 
 /// What changes evenly along a side: a grey level with the light, a width with the perspective.
@@ -282,16 +293,17 @@ std::optional<FittedLine> fit_points(const EdgePoints& points, const Point& midd
     double sum_rr = 0.0;
     for (std::size_t i = 0; i < n; ++i) {
       const double r = points.across[i] - offset - slope * (points.along[i] - centre);
-      residuals[i] = std::abs(r);
+      residuals[i] = r;
       sum_rr += weights[i] * r * r;
     }
     variance = sum_rr / std::max(1.0, sum_w - 2.0);
-    std::array<double, kMaxPositions> sorted = residuals;
+    std::array<double, kMaxPositions> sorted;
+    for (std::size_t i = 0; i < n; ++i) sorted[i] = std::abs(residuals[i]);
     const auto half = sorted.begin() + points.count / 2;
     std::nth_element(sorted.begin(), half, sorted.begin() + points.count);
     const double cut = std::max(4.7 * 1.48 * *half, 0.05);
     for (std::size_t i = 0; i < n; ++i) {
-      const double x = residuals[i] / cut;
+      const double x = std::abs(residuals[i]) / cut;
       weights[i] = x < 1.0 ? (1.0 - x * x) * (1.0 - x * x) : 0.0;
     }
   }
@@ -302,6 +314,10 @@ std::optional<FittedLine> fit_points(const EdgePoints& points, const Point& midd
   line.direction = (direction + slope * outward).normalized();
   line.offset_variance = variance / sum_w;
   line.slope_variance = variance / sum_tt;
+  line.weights = weights;
+  for (std::size_t apart = 0; apart < line.products.size(); ++apart)
+    for (std::size_t i = apart; i < n; ++i)
+      line.products[apart] += weights[i] * residuals[i] * weights[i - apart] * residuals[i - apart];
   return line;
 }
 
@@ -339,6 +355,22 @@ double width_across(const Eigen::Matrix3d& image_H_square, std::size_t side, dou
   return std::abs(way.x() * across.y() - way.y() * across.x());
 }
 
+/// Of what lies along a side.
+struct Widths {
+  double band;
+  Linear line;
+};
+
+Widths widths_at(const Eigen::Matrix3d& image_H_square, std::size_t side,
+                 const SideProfile& profile, double length) {
+  const auto at = [&](double along, double share) {
+    return width_across(image_H_square, side, along, share);
+  };
+  const double first = at(0.25, -profile.line_share);
+  const double second = at(0.75, -profile.line_share);
+  return {at(0.5, profile.cell_share), {0.5 * (first + second), (second - first) / (0.5 * length)}};
+}
+
 /// Side `side` of the quad from a to b. The quad runs clockwise, so its outside is on the left of
 /// the way. Where the quad is seen steeply, all widths change from side to side and along them.
 std::optional<FittedLine> fit_side(const ImageView& image, const Lens& lens, const Point& a,
@@ -346,11 +378,7 @@ std::optional<FittedLine> fit_side(const ImageView& image, const Lens& lens, con
                                    std::size_t side, const SideProfile& profile) {
   const double length = (b - a).norm();
   if (length < 4.0) return std::nullopt;
-  const double band = width_across(image_H_square, side, 0.5, profile.cell_share);
-  const double first = width_across(image_H_square, side, 0.25, -profile.line_share);
-  const double second = width_across(image_H_square, side, 0.75, -profile.line_share);
-  const Linear width{0.5 * (first + second), (second - first) / (0.5 * length)};
-
+  const auto [band, width] = widths_at(image_H_square, side, profile, length);
   EdgePoints points;
   if (profile.bright_inside) {
     points = locate_child_edge(image, lens, a, b, band, width);
@@ -366,30 +394,138 @@ std::optional<FittedLine> fit_side(const ImageView& image, const Lens& lens, con
   return fitted;
 }
 
-/// Where two sides meet, and how well that is known.
-bool meet(const FittedLine& first, const FittedLine& second, Point& corner,
-          Eigen::Matrix2d& covariance) {
-  const auto point = intersection(first.middle, first.middle + first.direction, second.middle,
-                                  second.middle + second.direction);
-  if (!point) return false;
-  corner = *point;
-  Eigen::Matrix2d normals;
-  normals << first.direction.y(), -first.direction.x(), second.direction.y(), -second.direction.x();
-  const auto variance = [&](const FittedLine& line) {
-    const double t = (corner - line.middle).dot(line.direction);
-    return line.offset_variance + t * t * line.slope_variance;
-  };
-  const Eigen::Matrix2d inverse = normals.inverse();
-  covariance = inverse * Eigen::Vector2d(variance(first), variance(second)).asDiagonal() *
-               inverse.transpose();
-  return true;
+/// Corners where the sides meet, and what they inherit of the sides' errors. A side moves both of
+/// its corners, so these are correlated.
+std::optional<FittedQuad> meet(const std::array<FittedLine, 4>& lines) {
+  FittedQuad quad;
+  quad.covariance.setZero();
+  std::array<Eigen::Matrix2d, 4> by_offsets;  // of a corner, by those of the sides before and after
+  for (std::size_t i = 0; i < 4; ++i) {
+    const FittedLine& before = lines[(i + 3) % 4];
+    const FittedLine& after = lines[i];
+    const auto point = intersection(before.middle, before.middle + before.direction, after.middle,
+                                    after.middle + after.direction);
+    if (!point) return std::nullopt;
+    quad.corners[i] = *point;
+    Eigen::Matrix2d normals;
+    normals << before.direction.y(), -before.direction.x(), after.direction.y(),
+        -after.direction.x();
+    by_offsets[i] = normals.inverse();
+  }
+  for (std::size_t i = 0; i < 4; ++i) {
+    const FittedLine& line = lines[i];
+    const std::size_t next = (i + 1) % 4;
+    Eigen::Matrix<double, 8, 1> by_offset = Eigen::Matrix<double, 8, 1>::Zero();
+    by_offset.segment<2>(static_cast<Eigen::Index>(2 * i)) = by_offsets[i].col(1);
+    by_offset.segment<2>(static_cast<Eigen::Index>(2 * next)) = by_offsets[next].col(0);
+    Eigen::Matrix<double, 8, 1> by_slope = by_offset;
+    for (const std::size_t corner : {i, next})
+      by_slope.segment<2>(static_cast<Eigen::Index>(2 * corner)) *=
+          (quad.corners[corner] - line.middle).dot(line.direction);
+    quad.covariance += line.offset_variance * by_offset * by_offset.transpose() +
+                       line.slope_variance * by_slope * by_slope.transpose();
+  }
+  return quad;
+}
+
+// Blur may be no Gaussian, and ink no perfect black: what sharpened sides may be wrong by beside
+// the noise (standard deviation, pixels).
+constexpr double kShape = 0.003;
+
+/// Mean of the profiles, each with its weight.
+Profile mean_profile(const Profiles& profiles, const std::array<double, kMaxPositions>& weights) {
+  Profile sum = Profile::Zero(profiles.inward + profiles.outward + 1);
+  double count = 0.0;
+  for (int i = 0; i < profiles.count; ++i) {
+    const double weight = weights[static_cast<std::size_t>(i)];
+    count += weight;
+    sum += weight * profiles.at(i);
+  }
+  return sum / std::max(count, 1e-9);
+}
+
+/// What lies across a side as far as its profiles reach.
+Bands bands_of(const Profiles& profiles, const SideProfile& profile, double band, double width) {
+  Bands bands;
+  // Lines of grandchildren may reach into the ring.
+  bands.first_spread = profile.bright_inside ? 0.04 * band : 0.02 * band;
+  bands.add(profile.bright_inside ? -0.98 * band : -band);
+  bands.add(0.0);
+  if (!profile.bright_inside) {
+    bands.add(band);  // where the quiet zone may end
+    return bands;
+  }
+  double darkest = 255.0;
+  for (int k = -profiles.inward; k <= profiles.outward; ++k)
+    darkest = std::min(darkest, median_at(profiles, k));
+  const int ring = std::min(static_cast<int>(std::lround(0.5 * band / kStep)), profiles.inward);
+  const double inside = median_at(profiles, -ring);
+  const double outside = median_at(profiles, profiles.outward);
+  const bool merged = outside - darkest < 0.35 * (inside - darkest);
+  if (!merged && width < profiles.outward * kStep) bands.add(width);
+  return bands;
+}
+
+/// A side as its bands and their blur explain it.
+std::optional<FittedLine> sharpen_side(const ImageView& image, const Lens& lens, const Point& a,
+                                       const Point& b, const Widths& widths,
+                                       const SideProfile& profile) {
+  const double length = (b - a).norm();
+  if (length < 4.0) return std::nullopt;
+  const double inward = std::clamp(1.4 * widths.band, 1.5, 5.0);
+  const double outward = profile.bright_inside
+                             ? std::min(widths.line.middle + std::min(0.9 * widths.band, 4.0), 8.0)
+                             : std::clamp(0.8 * widths.band, 1.0, 5.0);
+  const Profiles profiles = read_profiles(image, lens, a, b, {steps(inward), steps(outward)});
+  if (profiles.count < 4) return std::nullopt;
+  const Bands bands = bands_of(profiles, profile, widths.band, widths.line.middle);
+  const bool line_ends = profile.bright_inside && bands.count == 3;
+  std::array<double, kMaxPositions> weights;
+  weights.fill(1.0);
+  std::optional<FittedLine> line;
+  // The first round tells which profiles belong.
+  for (int round = 0; round < 2; ++round) {
+    const auto filter =
+        fit_bands(mean_profile(profiles, weights), -profiles.inward * kStep, kStep, bands);
+    if (!filter) return std::nullopt;
+    EdgePoints points;
+    for (int i = 0; i < profiles.count; ++i) {
+      const double along = profiles.along[static_cast<std::size_t>(i)];
+      const double wider = line_ends ? widths.line.at(along) - widths.line.middle : 0.0;
+      points.add(along, filter->position(profiles.at(i)) - filter->by_last * wider);
+    }
+    line = fit_points(points, 0.5 * (a + b), (b - a) / length, length);
+    if (!line) return std::nullopt;
+    weights = line->weights;
+  }
+  return line;
+}
+
+/// By how much the mean of neighbouring points is less well known than that of independent ones:
+/// interpolation shares pixels between them. Few points can't tell and count as usual.
+double correlation_factor(const std::array<FittedLine, 4>& lines) {
+  constexpr std::array<double, 2> kUsual{0.33, 0.05};
+  constexpr double kPoints = 30.0;  // that the usual is worth
+  // Tukey's weights fall with the residuals, whose scatter about the line they so make small.
+  constexpr double kTukeyVariance = 1.16;
+  std::array<double, 3> products{};
+  double count = 0.0;
+  for (const FittedLine& line : lines) {
+    for (std::size_t k = 0; k < products.size(); ++k) products[k] += line.products[k];
+    for (const double weight : line.weights) count += weight;
+  }
+  double factor = kTukeyVariance;
+  for (std::size_t k = 0; k < kUsual.size(); ++k)
+    factor += 2.0 * kTukeyVariance * (products[k + 1] / products[0] * count + kUsual[k] * kPoints) /
+              (count + kPoints);
+  return std::clamp(factor, kTukeyVariance, 4.0);
 }
 
 }  // namespace
 
 std::optional<FittedQuad> fit_edges(const ImageView& image, const Lens& lens, const Quad& quad,
                                     const SideProfile& profile) {
-  FittedQuad fitted{quad, {}};
+  FittedQuad fitted{quad, Matrix8d::Zero()};
   // The second round starts from where the first one found the edges.
   for (int round = 0; round < 2; ++round) {
     std::array<FittedLine, 4> lines;
@@ -402,14 +538,38 @@ std::optional<FittedQuad> fit_edges(const ImageView& image, const Lens& lens, co
     }
     const Quad before = fitted.corners;
     const double tolerance = 1.5 + 0.05 * mean_side(before);
-    for (std::size_t i = 0; i < 4; ++i) {
-      if (!meet(lines[(i + 3) % 4], lines[i], fitted.corners[i], fitted.covariance[i]))
-        return std::nullopt;
+    const auto met = meet(lines);
+    if (!met) return std::nullopt;
+    fitted = *met;
+    for (std::size_t i = 0; i < 4; ++i)
       if ((fitted.corners[i] - before[i]).norm() > tolerance) return std::nullopt;
-    }
     if (!convex(fitted.corners)) return std::nullopt;
   }
   return fitted;
+}
+
+std::optional<FittedQuad> sharpen_edges(const ImageView& image, const Lens& lens, const Quad& quad,
+                                        const SideProfile& profile) {
+  const Eigen::Matrix3d image_H_square = square_homography(quad);
+  std::array<FittedLine, 4> lines;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Point& a = quad[i];
+    const Point& b = quad[(i + 1) % 4];
+    const Widths widths = widths_at(image_H_square, i, profile, (b - a).norm());
+    const auto line = sharpen_side(image, lens, a, b, widths, profile);
+    if (!line) return std::nullopt;
+    lines[i] = *line;
+  }
+  const double factor = correlation_factor(lines);
+  for (FittedLine& line : lines) {
+    line.offset_variance = factor * line.offset_variance + kShape * kShape;
+    line.slope_variance *= factor;
+  }
+  auto sharp = meet(lines);
+  if (!sharp || !convex(sharp->corners)) return std::nullopt;
+  for (std::size_t i = 0; i < 4; ++i)
+    if ((sharp->corners[i] - quad[i]).norm() > 1.0 + 0.01 * mean_side(quad)) return std::nullopt;
+  return sharp;
 }
 
 }  // namespace harco::detect

@@ -1,7 +1,7 @@
 // The homography of a unit square, in closed form.
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "detect/quad.hpp"
 
@@ -21,6 +21,17 @@ inline Eigen::Matrix3d square_homography(const Quad& quad) {
   H.col(1) << quad[3] - quad[0] + h * quad[3], h;
   H.col(2) << quad[0], 1.0;
   return H;
+}
+
+/// The quad around that of a square whose sides are moved outwards by `share` of their length.
+inline Quad grown(const Quad& quad, double share) {
+  if (share == 0.0) return quad;
+  const Eigen::Matrix3d H = square_homography(quad);
+  const double low = -share, high = 1.0 + share;
+  const auto at = [&](double x, double y) {
+    return Point((H * Eigen::Vector3d(x, y, 1.0)).hnormalized());
+  };
+  return {at(low, low), at(high, low), at(high, high), at(low, high)};
 }
 
 }  // namespace harco::detect

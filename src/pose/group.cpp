@@ -51,7 +51,8 @@ double disagreement(const Isometry3d& pose, const Matrix6d& covariance, const Ob
     if (!predicted) return kElsewhere;
     const Vector2d error = predicted->image - seen.image.col(column);
     if (error.norm() > kAgreeSides * side) return kElsewhere;
-    const Matrix2d allowed = predicted->covariance + seen.covariance[i] +
+    const Matrix2d allowed = predicted->covariance +
+                             seen.covariance.block<2, 2>(2 * column, 2 * column) +
                              (kBias * kBias * side * side) * Matrix2d::Identity();
     worst = std::max(worst, error.dot(allowed.inverse() * error));
   }

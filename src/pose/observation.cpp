@@ -26,8 +26,8 @@ bool finite_and_convex(const std::array<Vector2d, 4>& corners) {
   return true;
 }
 
-bool positive_definite(const Matrix2d& covariance) {
-  return covariance.allFinite() && covariance(0, 0) > 0.0 && covariance.determinant() > 0.0;
+bool positive_definite(const Matrix8d& covariance) {
+  return covariance.allFinite() && covariance.llt().info() == Eigen::Success;
 }
 
 void check(const Detection& detection, std::size_t index, const MarkerSet& markers,
@@ -44,8 +44,8 @@ void check(const Detection& detection, std::size_t index, const MarkerSet& marke
           "not of this marker set");
   require(finite_and_convex(detection.corners),
           "its corners are not those of a marker seen from the front");
-  for (const Matrix2d& covariance : detection.corner_covariance)
-    require(positive_definite(covariance), "a corner's covariance is not positive definite");
+  require(positive_definite(detection.corner_covariance),
+          "its corners' covariance is not positive definite");
 }
 
 std::optional<Observation> observation(const Detection& detection, const PlacedMarker& marker,
@@ -54,6 +54,7 @@ std::optional<Observation> observation(const Detection& detection, const PlacedM
   seen.placed = detection.placed;
   seen.area_px = quad_area(detection.corners);
   const std::array<Vector2d, 4> corners = marker.corners_m();
+  Matrix8d undistorted = Matrix8d::Zero();
   for (std::size_t i = 0; i < 4; ++i) {
     const auto column = static_cast<Eigen::Index>(i);
     Matrix2d jacobian;
@@ -61,11 +62,12 @@ std::optional<Observation> observation(const Detection& detection, const PlacedM
     if (!image) return std::nullopt;
     seen.plane.col(column) = corners[i];
     seen.image.col(column) = *image;
-    seen.covariance[i] = jacobian * detection.corner_covariance[i] * jacobian.transpose();
-    const Eigen::LLT<Matrix2d> cholesky(seen.covariance[i]);
-    if (cholesky.info() != Eigen::Success) return std::nullopt;
-    seen.whitening[i] = cholesky.matrixL().solve(Matrix2d::Identity());
+    undistorted.block<2, 2>(2 * column, 2 * column) = jacobian;
   }
+  seen.covariance = undistorted * detection.corner_covariance * undistorted.transpose();
+  const Eigen::LLT<Matrix8d> cholesky(seen.covariance);
+  if (cholesky.info() != Eigen::Success) return std::nullopt;
+  seen.whitening = cholesky.matrixL().solve(Matrix8d::Identity());
   return seen;
 }
 

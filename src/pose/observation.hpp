@@ -12,13 +12,13 @@ namespace harco {
 
 /// One marker: its corners in the plane, and where they are seen, free of the lens's distortion.
 struct Observation {
-  int detection = 0;                          ///< index in the caller's list
-  int placed = 0;                             ///< index into place(markers)
-  Eigen::Matrix<double, 2, 4> plane;          ///< corners in the parent's frame, metres
-  Eigen::Matrix<double, 2, 4> image;          ///< normalised image coordinates X/Z, Y/Z
-  std::array<Eigen::Matrix2d, 4> covariance;  ///< of `image`
-  std::array<Eigen::Matrix2d, 4> whitening;   ///< W with W covariance W^T = I
-  double area_px = 0.0;                       ///< of the quad in the (distorted) image
+  int detection = 0;                  ///< index in the caller's list
+  int placed = 0;                     ///< index into place(markers)
+  Eigen::Matrix<double, 2, 4> plane;  ///< corners in the parent's frame, metres
+  Eigen::Matrix<double, 2, 4> image;  ///< normalised image coordinates X/Z, Y/Z
+  Matrix8d covariance;                ///< of `image`, column by column
+  Matrix8d whitening;                 ///< W with W covariance W^T = I
+  double area_px = 0.0;               ///< of the quad in the (distorted) image
 };
 
 /// Area of a quad with its corners in the order of Detection, in square pixels; positive if they

@@ -39,22 +39,25 @@ Linearised linearise(std::span<const Observation> observations, std::span<const 
   double cost = 0.0;
   for (std::size_t k = 0; k < observations.size(); ++k) {
     const Observation& seen = observations[k];
-    double own = 0.0;
-    for (std::size_t i = 0; i < 4; ++i) {
-      const auto column = static_cast<Eigen::Index>(i);
-      const Vector3d p = in_space(seen.plane.col(column) - centre);
+    Eigen::Matrix<double, 8, 1> residuals;
+    Eigen::Matrix<double, 8, 6> jacobian;
+    bool in_front = true;
+    for (Eigen::Index i = 0; i < 4 && in_front; ++i) {
+      const Vector3d p = in_space(seen.plane.col(i) - centre);
       const Vector3d point = pose.rotation * p + pose.translation;
-      if (!(point.z() > 0.0)) {
-        own = std::numeric_limits<double>::infinity();
-        break;
-      }
-      Matrix26d jacobian;
-      const Vector2d image = project(pose.rotation, p, point, jacobian);
-      const Vector2d residual = seen.whitening[i] * (image - seen.image.col(column));
-      jacobian = seen.whitening[i] * jacobian;
-      own += residual.squaredNorm();
+      in_front = point.z() > 0.0;
+      Matrix26d of_corner;
+      const Vector2d image = project(pose.rotation, p, point, of_corner);
+      residuals.segment<2>(2 * i) = image - seen.image.col(i);
+      jacobian.middleRows<2>(2 * i) = of_corner;
+    }
+    double own = std::numeric_limits<double>::infinity();
+    if (in_front) {
+      residuals = seen.whitening.triangularView<Eigen::Lower>() * residuals;
+      jacobian = seen.whitening.triangularView<Eigen::Lower>() * jacobian;
+      own = residuals.squaredNorm();
       result.information.noalias() += weights[k] * jacobian.transpose() * jacobian;
-      result.gradient.noalias() += weights[k] * jacobian.transpose() * residual;
+      result.gradient.noalias() += weights[k] * jacobian.transpose() * residuals;
     }
     if (chi2 != nullptr) chi2->push_back(own);
     if (weights[k] > 0.0) cost += weights[k] * own;
