@@ -9,9 +9,9 @@
 namespace harco::detect {
 namespace {
 
-// Unknowns: the offset, the logarithm of the blur, what the first border moves besides, and the
-// levels from the inside out.
-constexpr int kOffset = 0, kBlur = 1, kFirst = 2, kLevels = 3, kMostUnknowns = 7;
+// Unknowns: the offset, the logarithm of the blur, what the first border moves besides, the light's
+// change a pixel outwards, and the levels from the inside out.
+constexpr int kOffset = 0, kBlur = 1, kFirst = 2, kLight = 3, kLevels = 4, kMostUnknowns = 8;
 using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMostUnknowns, 1>;
 using Normal = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMostUnknowns,
                              kMostUnknowns>;
@@ -53,6 +53,14 @@ void predict(const Unknowns& unknowns, double first, double step, const Bands& b
       if (b == bands.count - 1) by_last(k) = -rise * density / sigma;
     }
   }
+  for (Eigen::Index k = 0; k < profile.size(); ++k) {
+    const double outwards = first + static_cast<double>(k) * step;
+    const double light = 1.0 + unknowns(kLight) * outwards;
+    jacobian.row(k) *= light;
+    by_last(k) *= light;
+    jacobian(k, kLight) = profile(k) * outwards;
+    profile(k) *= light;
+  }
 }
 
 /// Each band's grey in the middle of its part of the profile.
@@ -61,6 +69,7 @@ Unknowns first_guess(const Profile& mean, double first, double step, const Bands
   guess(kOffset) = 0.0;
   guess(kBlur) = std::log(kUsualBlur);
   guess(kFirst) = 0.0;
+  guess(kLight) = 0.0;
   const double last = first + static_cast<double>(mean.size() - 1) * step;
   for (int band = 0; band <= bands.count; ++band) {
     const double from = band == 0 ? first : bands.borders[static_cast<std::size_t>(band - 1)];
@@ -84,6 +93,7 @@ std::optional<EdgeFilter> fit_bands(const Profile& mean, double first, double st
   Unknowns trust = Unknowns::Constant(expected.size(), 1.0 / (contrast * contrast));
   trust(kOffset) = 1.0;
   trust(kBlur) = 1.0 / (kBlurSpread * kBlurSpread);
+  trust(kLight) = 1.0 / (bands.light_spread * bands.light_spread + 1e-12);
   trust(kFirst) = 1.0 / (bands.first_spread * bands.first_spread + 1e-6);
 
   Unknowns unknowns = expected;

@@ -17,6 +17,7 @@ struct Bands {
   std::array<double, 3> borders{};
   int count = 0;              ///< of the borders
   double first_spread = 0.0;  ///< how far the first border may lie elsewhere (one sigma)
+  double light_spread = 0.0;  ///< how much the light may change a pixel outwards (one sigma)
   void add(double border) { borders[static_cast<std::size_t>(count++)] = border; }
 };
 

@@ -321,22 +321,9 @@ std::optional<FittedLine> fit_points(const EdgePoints& points, const Point& midd
   return line;
 }
 
-// What no fit of one edge can see: ink nearby that the blur mixes in. The allowances are what bench
-// "recall" measured over sizes and tilts (standard deviations in pixels).
-
-/// The border of a parent, with even ground of `band` pixels on both sides.
-double parent_allowance(double band) {
-  const double clear = band / kBlur;
-  return 0.01 + 0.25 * std::exp(-0.5 * (clear / 2.2) * (clear / 2.2));
-}
-
-/// The border of a child: a ring of `band` pixels inside, a line of `line` pixels outside. Lines of
-/// some pixels' width are neither thin nor wide.
-double child_allowance(double band, double line) {
-  const double ring = band / 1.25;
-  const double between = (line - 4.0) / 2.0;
-  return 0.01 + 0.45 * std::exp(-0.5 * ring * ring) + 0.012 * std::exp(-0.5 * between * between);
-}
+// What plain steps and dips can't see is ink nearby that the blur mixes in: what it moves a side
+// by, with small markers in blurred pictures (standard deviation, pixels).
+constexpr double kInkNearby = 0.2;
 
 /// Distance in pixels that `share` of the marker's side has across a side, to the inside of it if
 /// positive, at the side's point `along` (0 … 1 from its first corner).
@@ -388,9 +375,7 @@ std::optional<FittedLine> fit_side(const ImageView& image, const Lens& lens, con
   }
   auto fitted = fit_points(points, 0.5 * (a + b), (b - a) / length, length);
   if (!fitted) return std::nullopt;
-  const double systematic =
-      profile.bright_inside ? child_allowance(band, width.middle) : parent_allowance(band);
-  fitted->offset_variance += systematic * systematic;
+  fitted->offset_variance += kInkNearby * kInkNearby;
   return fitted;
 }
 
@@ -430,7 +415,7 @@ std::optional<FittedQuad> meet(const std::array<FittedLine, 4>& lines) {
 
 // Blur may be no Gaussian, and ink no perfect black: what sharpened sides may be wrong by beside
 // the noise (standard deviation, pixels).
-constexpr double kShape = 0.003;
+constexpr double kShape = 0.002;
 
 /// Mean of the profiles, each with its weight.
 Profile mean_profile(const Profiles& profiles, const std::array<double, kMaxPositions>& weights) {
@@ -445,9 +430,13 @@ Profile mean_profile(const Profiles& profiles, const std::array<double, kMaxPosi
 }
 
 /// What lies across a side as far as its profiles reach.
-Bands bands_of(const Profiles& profiles, const SideProfile& profile, double band, double width) {
+Bands bands_of(const Profiles& profiles, const SideProfile& profile, double band, double width,
+               double length) {
+  // Light may change by so much from one end of a marker to the other.
+  constexpr double kLightOverSide = 0.15;
   Bands bands;
   // Lines of grandchildren may reach into the ring.
+  bands.light_spread = kLightOverSide / length;
   bands.first_spread = profile.bright_inside ? 0.04 * band : 0.02 * band;
   bands.add(profile.bright_inside ? -0.98 * band : -band);
   bands.add(0.0);
@@ -478,7 +467,7 @@ std::optional<FittedLine> sharpen_side(const ImageView& image, const Lens& lens,
                              : std::clamp(0.8 * widths.band, 1.0, 5.0);
   const Profiles profiles = read_profiles(image, lens, a, b, {steps(inward), steps(outward)});
   if (profiles.count < 4) return std::nullopt;
-  const Bands bands = bands_of(profiles, profile, widths.band, widths.line.middle);
+  const Bands bands = bands_of(profiles, profile, widths.band, widths.line.middle, length);
   const bool line_ends = profile.bright_inside && bands.count == 3;
   std::array<double, kMaxPositions> weights;
   weights.fill(1.0);
