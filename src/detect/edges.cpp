@@ -15,7 +15,7 @@ namespace harco::detect {
 namespace {
 
 constexpr int kMaxPositions = 96;     // along a side
-constexpr int kMaxReach = 24;         // half-pixel steps across it, on one side
+constexpr int kMaxReach = 22;         // half-pixel steps across it, on one side
 constexpr double kStep = 0.5;         // pixels, across
 constexpr double kMinContrast = 8.0;  // grey levels between dark and bright
 // The lens's and the sensor's blur together rarely fall below this (standard deviation, pixels).
@@ -49,15 +49,17 @@ struct FittedLine {
 
 /// Grey values across one side: `count` positions times the steps from `-inward` to `outward`.
 struct Profiles {
-  std::array<std::array<double, 2 * kMaxReach + 1>, kMaxPositions> grey;
+  std::array<std::array<double, kMaxAcross>, kMaxPositions> grey;
   std::array<double, kMaxPositions> along;
   int count = 0;
   int inward = 0;
   int outward = 0;
 
+  int across() const { return inward + outward + 1; }
+
   /// One of them, from the inside out.
   Eigen::Map<const Eigen::VectorXd> at(int i) const {
-    return {grey[static_cast<std::size_t>(i)].data(), inward + outward + 1};
+    return {grey[static_cast<std::size_t>(i)].data(), across()};
   }
 };
 
@@ -416,10 +418,31 @@ std::optional<FittedQuad> meet(const std::array<FittedLine, 4>& lines) {
 // Blur may be no Gaussian, and ink no perfect black: what sharpened sides may be wrong by beside
 // the noise (standard deviation, pixels).
 constexpr double kShape = 0.002;
+constexpr double kPixelPhase = 0.008;  // besides, along rows or columns of pixels (along_pixels)
+
+/// Whether a side runs along the pixels' rows or columns, so that all of its profiles meet them
+/// alike. What interpolation makes of a sharp edge then does not average out.
+bool along_pixels(const Point& a, const Point& b) {
+  constexpr double kMostSweep = 1.5;  // pixels
+  return (b - a).cwiseAbs().minCoeff() < kMostSweep;
+}
+
+/// Profiles as wider pixels would see them: means over two pixels across the side.
+void widen_pixels(Profiles& profiles) {
+  for (int i = 0; i < profiles.count; ++i) {
+    auto& grey = profiles.grey[static_cast<std::size_t>(i)];
+    const auto sharp = grey;
+    for (std::size_t k = 2; k + 2 < static_cast<std::size_t>(profiles.across()); ++k)
+      grey[k - 2] =
+          0.125 * (sharp[k - 2] + sharp[k + 2]) + 0.25 * (sharp[k - 1] + sharp[k] + sharp[k + 1]);
+  }
+  profiles.inward -= 2;
+  profiles.outward -= 2;
+}
 
 /// Mean of the profiles, each with its weight.
 Profile mean_profile(const Profiles& profiles, const std::array<double, kMaxPositions>& weights) {
-  Profile sum = Profile::Zero(profiles.inward + profiles.outward + 1);
+  Profile sum = Profile::Zero(profiles.across());
   double count = 0.0;
   for (int i = 0; i < profiles.count; ++i) {
     const double weight = weights[static_cast<std::size_t>(i)];
@@ -465,8 +488,12 @@ std::optional<FittedLine> sharpen_side(const ImageView& image, const Lens& lens,
   const double outward = profile.bright_inside
                              ? std::min(widths.line.middle + std::min(0.9 * widths.band, 4.0), 8.0)
                              : std::clamp(0.8 * widths.band, 1.0, 5.0);
-  const Profiles profiles = read_profiles(image, lens, a, b, {steps(inward), steps(outward)});
+  const bool aligned = along_pixels(a, b);
+  const int more = aligned ? 2 : 0;
+  Profiles profiles =
+      read_profiles(image, lens, a, b, {steps(inward) + more, steps(outward) + more});
   if (profiles.count < 4) return std::nullopt;
+  if (aligned) widen_pixels(profiles);
   const Bands bands = bands_of(profiles, profile, widths.band, widths.line.middle, length);
   const bool line_ends = profile.bright_inside && bands.count == 3;
   std::array<double, kMaxPositions> weights;
@@ -487,6 +514,8 @@ std::optional<FittedLine> sharpen_side(const ImageView& image, const Lens& lens,
     if (!line) return std::nullopt;
     weights = line->weights;
   }
+  const double beside_noise = aligned ? std::hypot(kShape, kPixelPhase) : kShape;
+  line->offset_variance += beside_noise * beside_noise;
   return line;
 }
 
@@ -551,7 +580,7 @@ std::optional<FittedQuad> sharpen_edges(const ImageView& image, const Lens& lens
   }
   const double factor = correlation_factor(lines);
   for (FittedLine& line : lines) {
-    line.offset_variance = factor * line.offset_variance + kShape * kShape;
+    line.offset_variance *= factor;
     line.slope_variance *= factor;
   }
   auto sharp = meet(lines);
