@@ -11,15 +11,13 @@
 
 #include "harco/harco.hpp"
 #include "lab/render.hpp"
-#include "pose/blurred_ink.hpp"
-#include "pose/footprint.hpp"
-#include "pose/refine.hpp"
+#include "pose/ink_outline.hpp"
+#include "pose/patch_painter.hpp"
 
 namespace harco {
 namespace {
 
 using Eigen::Isometry3d;
-using Eigen::Matrix2d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
@@ -151,121 +149,131 @@ void expect_good(const Series& series, int frames) {
   EXPECT_LT(series.mean_normalised(), 8.0);
 }
 
-// --- blurred ink --------------------------------------------------------------------------------
+// --- outlines and their picture -----------------------------------------------------------------
 
-/// The same by brute force: the ink's exact share in the small cells of a fine grid, weighted.
-double brute_force(const InkMap& ink, const Vector2d& point, const Matrix2d& covariance) {
-  const double cell = 0.06 * std::sqrt(covariance.diagonal().minCoeff());
-  const double reach = 5.0 * std::sqrt(covariance.diagonal().maxCoeff());
-  const Matrix2d information = covariance.inverse();
-  double sum = 0.0, weights = 0.0;
-  for (double y = -reach; y < reach; y += cell)
-    for (double x = -reach; x < reach; x += cell) {
-      const Vector2d d(x + 0.5 * cell, y + 0.5 * cell);
-      const double weight = std::exp(-0.5 * d.dot(information * d));
-      if (weight < 1e-7) continue;
-      sum += weight * ink.white_share({point.x() + x, point.y() + y, point.x() + x + cell,
-                                       point.y() + y + cell});
-      weights += weight;
-    }
-  return sum / weights;
+/// A square of 7 m with white in its left two thirds, and in that a black bar along its left end.
+InkPlan bar_plan() { return {{0, 0, 7, 7}, {{1, 1, 3, 6}, {3, 1, 5, 6}}, {{1, 1, 2, 6}}}; }
+
+TEST(InkOutline, HasEachBorderOnceWithTheInkOnItsRight) {
+  const InkOutline outline(bar_plan());
+  // Ink is the square without the white from 2 to 5: what two rectangles share is no border.
+  double length = 0.0, area = 0.0;
+  for (const InkEdge& edge : outline.edges()) {
+    length += (edge.to - edge.from).norm();
+    area += 0.5 * (edge.from.x() * edge.to.y() - edge.from.y() * edge.to.x());
+  }
+  EXPECT_NEAR(length, 4 * 7 + 2 * (3 + 5), 1e-6);
+  EXPECT_NEAR(area, 49 - 15, 1e-6);
+  EXPECT_TRUE(outline.is_black({1.5, 3.0}));
+  EXPECT_FALSE(outline.is_black({2.5, 3.0}));
+  EXPECT_FALSE(outline.is_black({4.5, 3.0}));
+  EXPECT_TRUE(outline.is_black({6.5, 3.0}));
+  EXPECT_FALSE(outline.is_black({7.5, 3.0}));
 }
 
-Matrix2d covariance(double sx, double sy, double rho) {
-  Matrix2d c;
-  c << sx * sx, rho * sx * sy, rho * sx * sy, sy * sy;
-  return c;
-}
-
-TEST(BlurredInk, IsThePaperAndTheInkFarFromEdges) {
-  const BlurredInk ink(ink_plan(markers(), 0), 0.001);
-  const Matrix2d tiny = covariance(1e-4, 1e-4, 0.0);
-  EXPECT_EQ(ink.at({-0.05, 0.3}, tiny).share, 1.0);
-  EXPECT_EQ(ink.at({0.05, 0.05}, tiny).share, 0.0);  // the border
-  // On the outer edge, half of what is seen is ink, and the step has the Gaussian's density.
-  const Whiteness edge = ink.at({0.0, 0.35}, covariance(0.01, 0.01, 0.0));
-  EXPECT_NEAR(edge.share, 0.5, 1e-9);
-  EXPECT_NEAR(edge.gradient.x(), -1.0 / (0.01 * std::sqrt(2.0 * std::numbers::pi)), 1e-6);
-  EXPECT_NEAR(edge.gradient.y(), 0.0, 1e-9);
-}
-
-TEST(BlurredInk, AgreesWithBruteForceResolvedOrNot) {
+TEST(InkOutline, HoldsAsMuchInkAsThePlan) {
+  const InkOutline outline(ink_plan(markers(), 0));
   const InkMap map(markers(), 0);
-  std::mt19937 random(5);
-  std::uniform_real_distribution<double> unit(0.0, 1.0);
-  for (const double size : {0.0015, 0.006, 0.03}) {
-    const BlurredInk ink(map.plan(), size);
-    for (int i = 0; i < 8; ++i) {
-      const Vector2d point(0.3 * unit(random), 0.3 * unit(random));
-      const Matrix2d blur =
-          covariance(size, size * (0.6 + 0.6 * unit(random)), 1.2 * (unit(random) - 0.5));
-      EXPECT_NEAR(ink.at(point, blur).share, brute_force(map, point, blur), 1e-3)
-          << "at " << point.transpose() << " size " << size;
-    }
-  }
+  double area = 0.0;
+  for (const InkEdge& edge : outline.edges())
+    area += 0.5 * (edge.from.x() * edge.to.y() - edge.from.y() * edge.to.x());
+  EXPECT_NEAR(area, kSide * kSide * (1.0 - map.white_share({0, 0, kSide, kSide})), 1e-8);
 }
 
-TEST(BlurredInk, DerivativesAgreeWithDifferences) {
-  const InkPlan plan = ink_plan(markers(), 0);
-  std::mt19937 random(6);
-  std::uniform_real_distribution<double> unit(0.0, 1.0);
-  for (const double size : {0.0015, 0.006, 0.03}) {
-    const BlurredInk ink(plan, size);
-    for (int i = 0; i < 50; ++i) {
-      const Vector2d point(-0.02 + 0.4 * unit(random), 0.4 * unit(random));
-      const Matrix2d blur =
-          covariance(size, size * (0.6 + 0.6 * unit(random)), 1.2 * (unit(random) - 0.5));
-      const double h = 1e-4 * size;
-      const auto share = [&](const Vector2d& p, double grow) {
-        return ink.at(p, std::exp(2.0 * grow) * blur).share;
-      };
-      const Whiteness at = ink.at(point, blur);
-      for (Eigen::Index axis = 0; axis < 2; ++axis) {
-        const Vector2d step = h * Vector2d::Unit(axis);
-        EXPECT_NEAR(size * at.gradient(axis),
-                    size * (share(point + step, 0) - share(point - step, 0)) / (2.0 * h), 2e-3);
-      }
-      EXPECT_NEAR(at.by_log_sigma, (share(point, 1e-4) - share(point, -1e-4)) / 2e-4, 2e-3);
-    }
-  }
+/// The picture of some outlines, in pixels, of one patch.
+PatchPicture paint(const std::vector<InkEdge>& edges, int x, int y, const Blur& blur,
+                   bool black_on_the_left = false) {
+  PatchPainter painter;
+  painter.set_blur(blur);
+  painter.begin(x, y);
+  for (const InkEdge& edge : edges) painter.add(edge.from, edge.to);
+  PatchPicture picture;
+  painter.finish([&](const Vector2d&) { return black_on_the_left; }, picture);
+  return picture;
 }
 
-// --- footprint ----------------------------------------------------------------------------------
+double normal_below(double z) { return 0.5 * std::erfc(-z / std::numbers::sqrt2); }
 
-TEST(Footprint, DerivativesAgreeWithDifferences) {
-  const Isometry3d pose = lab::look_at_marker({0.2, 0.1}, 2.0, 0.7, 1.1, 0.4);
-  const Matrix2d ray_by_pixel = (Matrix2d() << 0.0014, 1e-5, -2e-5, 0.0015).finished();
-  const Vector2d ray(0.1, -0.05);
-  const auto at = [&](const Vector2d& pixel, const Vector6d& step) {
-    return footprint(ray + ray_by_pixel * pixel, ray_by_pixel,
-                     pose.linear() * rotation_exp(step.tail<3>()),
-                     pose.translation() + step.head<3>())
-        ->point;
+/// Of a half-plane of ink beyond an edge `d` pixels away, as a pixel's square and a Gaussian see
+/// it, the square's sides along the edge: the mean of the normal distribution over the square.
+double edge_share(double d, double sigma) {
+  const auto integral = [&](double z) {
+    return z * normal_below(z) + std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
   };
-  const auto here = footprint(ray, ray_by_pixel, pose.linear(), pose.translation());
-  ASSERT_TRUE(here);
-  EXPECT_TRUE(
-      (pose * Vector3d(here->point.x(), here->point.y(), 0.0)).hnormalized().isApprox(ray, 1e-12));
-  const Vector6d still = Vector6d::Zero();
-  Vector2d bend = Vector2d::Zero();
-  for (Eigen::Index i = 0; i < 2; ++i) {
-    const Vector2d step = Vector2d::Unit(i);
-    const Vector2d slope = (at(1e-4 * step, still) - at(-1e-4 * step, still)) / 2e-4;
-    EXPECT_TRUE(here->by_pixel.col(i).isApprox(slope, 1e-6));
-    bend += at(step, still) - 2.0 * here->point + at(-step, still);
-  }
-  EXPECT_LT((here->bend - bend).norm(), 1e-4 * bend.norm());
-  for (Eigen::Index i = 0; i < 6; ++i) {
-    const Vector6d step = 1e-6 * Vector6d::Unit(i);
-    const Vector2d slope = (at({0, 0}, step) - at({0, 0}, -step)) / 2e-6;
-    EXPECT_LT((here->by_pose.col(i) - slope).norm(), 1e-6) << i;
+  return sigma * (integral((d + 0.5) / sigma) - integral((d - 0.5) / sigma));
+}
+
+TEST(PatchPainter, SeesAnUprightEdgeThroughPixelAndBlur) {
+  for (const double sigma : {0.6, 1.2})
+    for (int x = 0; x < kPatch; ++x) {
+      // A grid of half pixels is a little off, one way or the other, but right on average.
+      constexpr int kPhases = 10;
+      double sum = 0.0;
+      for (int phase = 0; phase < kPhases; ++phase) {
+        const double at = 7.0 + (phase + 0.5) / kPhases;
+        // Ink on the right of x = at: upwards.
+        const PatchPicture seen =
+            paint({{{at, 100.0}, {at, -100.0}}}, 0, 0, {sigma * sigma, Vector2d::Zero()});
+        const auto i = static_cast<std::size_t>(5 * kPatch + x);
+        const double error = static_cast<double>(seen.ink[i]) - edge_share(x - at, sigma);
+        EXPECT_LT(std::abs(error), 0.012) << "sigma " << sigma << " edge " << at << " pixel " << x;
+        EXPECT_NEAR(seen.by_y[i], 0.0F, 1e-5F);
+        sum += error / kPhases;
+      }
+      EXPECT_LT(std::abs(sum), 0.002) << "sigma " << sigma << " pixel " << x;
+    }
+}
+
+TEST(PatchPainter, DerivativesAgreeWithDifferences) {
+  const auto shifted = [&](double dx, double dy, double variance = 0.5) {
+    const Vector2d d(dx, dy);
+    // A square of 5.3 pixels, turned, clockwise.
+    const std::array<Vector2d, 4> corners{Vector2d(5.1, 4.2) + d, Vector2d(10.2, 5.6) + d,
+                                          Vector2d(8.8, 10.7) + d, Vector2d(3.7, 9.3) + d};
+    std::vector<InkEdge> edges;
+    for (std::size_t i = 0; i < 4; ++i) edges.push_back({corners[i], corners[(i + 1) % 4]});
+    return paint(edges, 0, 0, {variance, Vector2d::Zero()});
+  };
+  const PatchPicture here = shifted(0, 0);
+  const PatchPicture left = shifted(0.05, 0), right = shifted(-0.05, 0);
+  const PatchPicture up = shifted(0, 0.05), down = shifted(0, -0.05);
+  const PatchPicture sharp = shifted(0, 0, 0.48), soft = shifted(0, 0, 0.52);
+  for (std::size_t i = 0; i < here.ink.size(); ++i) {
+    EXPECT_NEAR(here.by_x[i], (right.ink[i] - left.ink[i]) / 0.1F, 0.02F);
+    EXPECT_NEAR(here.by_y[i], (down.ink[i] - up.ink[i]) / 0.1F, 0.02F);
+    EXPECT_NEAR(here.by_xx[i], (right.by_x[i] - left.by_x[i]) / 0.1F, 0.05F);
+    EXPECT_NEAR(here.by_xy[i], (down.by_x[i] - up.by_x[i]) / 0.1F, 0.05F);
+    // The heat equation.
+    EXPECT_NEAR(0.5F * (here.by_xx[i] + here.by_yy[i]), (soft.ink[i] - sharp.ink[i]) / 0.04F,
+                0.03F);
   }
 }
 
-TEST(Footprint, IsEmptyBehindTheCamera) {
-  const Isometry3d pose = lab::look_at_marker({0, 0}, 2.0, 0.7);
-  EXPECT_TRUE(footprint({0, 0}, Matrix2d::Identity(), pose.linear(), pose.translation()));
-  EXPECT_FALSE(footprint({0, 0}, Matrix2d::Identity(), pose.linear(), -pose.translation()));
+TEST(PatchPainter, KnowsWhatLiesOnTheLeft) {
+  // An edge from the left into the patch, ink below it; the patch has no other outline.
+  const std::vector<InkEdge> edge{{{-50.0, 6.0}, {50.0, 9.0}}};
+  // Asked about the middle of the widest gap, which is below the edge.
+  const PatchPicture seen = paint(edge, 0, 0, {0.3, Vector2d::Zero()}, true);
+  EXPECT_NEAR(seen.ink[0], 0.0F, 1e-5F);
+  EXPECT_NEAR(seen.ink[15 * kPatch + 3], 1.0F, 1e-5F);
+}
+
+TEST(PatchPainter, SmearsAlongAWay) {
+  const double at = 7.3;
+  const std::vector<InkEdge> edge{{{at, 100.0}, {at, -100.0}}};
+  const Blur across{0.3, {6.0, 0.0}}, along{0.3, {0.0, 6.0}};
+  const PatchPicture still = paint(edge, 0, 0, {0.3, Vector2d::Zero()});
+  const PatchPicture smeared = paint(edge, 0, 0, across), same = paint(edge, 0, 0, along);
+  const auto row = static_cast<std::size_t>(8 * kPatch);
+  for (std::size_t x = 0; x < kPatch; ++x) {
+    EXPECT_NEAR(same.ink[row + x], still.ink[row + x], 1e-4F);
+    if (x < 6 || x > 8) continue;  // far from the smear's ends: a ramp of six pixels
+    EXPECT_NEAR(static_cast<double>(smeared.ink[row + x]),
+                0.5 + (static_cast<double>(x) - at) / 6.0, 0.01);
+  }
+  const Blur again = Blur::with_moments(across.moments());
+  EXPECT_NEAR(again.variance, 0.3, 1e-9);
+  EXPECT_NEAR(std::abs(again.smear.x()), 6.0, 1e-9);
 }
 
 // --- alignment ----------------------------------------------------------------------------------

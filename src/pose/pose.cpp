@@ -75,7 +75,8 @@ std::vector<Pose> estimate_poses(const ImageView& image, const std::vector<Detec
     const Parent& parent = markers.parents[i];
     const int id = parent.marker.id;
     const bool aligns = options.align && options.fusion == Fusion::joint && !image.empty();
-    const InkPlan ink = aligns ? ink_plan(markers, static_cast<int>(i)) : InkPlan{};
+    std::optional<InkOutline> outline;
+    if (aligns) outline.emplace(ink_plan(markers, static_cast<int>(i)));
     const double cell_m = parent.side_m / (parent.marker.code.cells + 2);
     for (const Group& group : group_by_sheet(by_parent[i], detections, parent.side_m)) {
       if (options.fusion == Fusion::paper) {
@@ -83,7 +84,9 @@ std::vector<Pose> estimate_poses(const ImageView& image, const std::vector<Detec
         continue;
       }
       std::optional<Alignment> alignment;
-      if (aligns) alignment = align(image, ink, cell_m, camera, group.pose.camera_T_marker);
+      if (aligns)
+        alignment = align(image, *outline, cell_m, camera, group.pose.camera_T_marker,
+                          group.pose.covariance);
       poses.push_back(joint_pose(group, alignment, id, detections, camera));
     }
   }

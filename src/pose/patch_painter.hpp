@@ -1,0 +1,82 @@
+// What a camera sees of inked outlines, patch by patch: exact to the area that ink covers, then
+// blurred, with its derivatives.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace harco {
+
+/// Side of a patch, pixels.
+inline constexpr int kPatch = 16;
+
+/// Lens, defocus and motion, beside the pixel's own square.
+struct Blur {
+  double variance = 0.4;  ///< of a round Gaussian, square pixels
+  /// Besides, everything is smeared evenly along this way (pixels).
+  Eigen::Vector2d smear = Eigen::Vector2d::Zero();
+
+  /// Second moments, square pixels.
+  Eigen::Matrix2d moments() const;
+  /// The blur with these second moments: what one direction has more is smeared.
+  static Blur with_moments(const Eigen::Matrix2d& moments);
+};
+
+/// The share of ink in every pixel of a patch, row by row, and its derivatives by the pixel's
+/// place.
+struct PatchPicture {
+  using Channel = std::array<float, kPatch * kPatch>;
+  alignas(64) Channel ink;
+  alignas(64) Channel by_x, by_y;
+  alignas(64) Channel by_xx, by_xy, by_yy;
+};
+
+/// Draws one patch after the other with the same blur.
+class PatchPainter {
+ public:
+  void set_blur(const Blur& blur);
+
+  /// How far beyond its patch the painter must know the outlines, pixels.
+  int margin() const { return margin_; }
+
+  /// Begins the patch whose first pixel is (x, y).
+  void begin(int x, int y);
+
+  /// A piece of an outline, in pixels; on the right-hand side of whoever goes along it (x right, y
+  /// down) is ink. Pieces beyond the margin change nothing.
+  void add(const Eigen::Vector2d& from, const Eigen::Vector2d& to);
+
+  /// Ends it. `is_black` is asked for one pixel position at the left end of the margin, off all
+  /// outlines if that can be: everything else follows from the outlines.
+  void finish(const std::function<bool(const Eigen::Vector2d&)>& is_black, PatchPicture& picture);
+
+ private:
+  /// Where an outline crosses the margin's left end: below it, `jump` more ink.
+  struct Crossing {
+    double row;
+    float jump;
+  };
+
+  void accumulate(double x0, double y0, double x1, double y1, float sign);
+  void fill_rows(const std::function<bool(const Eigen::Vector2d&)>& is_black);
+  void smear();
+  void blur_rows();
+  void blur_columns(PatchPicture& picture) const;
+
+  int margin_ = 0;  ///< pixels
+  int size_ = 0;    ///< of the grid of half pixels
+  Eigen::Vector2d smear_ = Eigen::Vector2d::Zero();
+  std::vector<float> value_, slope_,
+      bend_;  ///< of the blur at the distances 1/2, 3/2 ... half pixels
+  int x_ = 0, y_ = 0;
+  std::vector<float> grid_;                 ///< size_ rows of changes, later of shares
+  std::vector<float> even_, odd_;           ///< the grid's columns, shared out
+  std::array<std::vector<float>, 3> rows_;  ///< blurred along x: value, slope, bend
+  std::vector<float> scratch_;
+  std::vector<Crossing> crossings_;
+};
+
+}  // namespace harco
