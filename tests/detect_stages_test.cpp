@@ -1,4 +1,6 @@
 // The detector's stages one by one, on input whose answer is known by hand.
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <numbers>
@@ -6,6 +8,7 @@
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <Eigen/Geometry>
 
 #include "detect/bands.hpp"
 #include "detect/cells.hpp"
@@ -28,37 +31,67 @@ Image square_image(int size, int from, int to, std::uint8_t outside, std::uint8_
   return image;
 }
 
-std::vector<Contour> contours_of(const Image& image, double level = 0.5) {
-  TileExtremes extremes;
-  extremes.measure(image.view());
-  ThresholdMap map;
-  extremes.threshold(image.view(), {level, 16}, map);
+std::vector<Contour> contours_of(const Image& image, std::size_t level = 0) {
+  Threshold threshold;
+  threshold.measure(image.view());
+  ContourLimits limits;
+  limits.at_image_edge = true;
+  BorderFollower follower;
+  follower.start(threshold, level, limits);
   std::vector<Contour> contours;
-  BorderFollower().follow(map, 4, 0.0, [&](const Contour& c) { contours.push_back(c); });
+  while (const Contour* contour = follower.next()) contours.push_back(*contour);
+  return contours;
+}
+
+std::vector<Contour> convex_contours_of(const Image& image) {
+  Threshold threshold;
+  threshold.measure(image.view());
+  BorderFollower follower;
+  follower.start(threshold, 0, {});
+  std::vector<Contour> contours;
+  while (const Contour* contour = follower.next_convex()) contours.push_back(*contour);
   return contours;
 }
 
 TEST(Threshold, LiesBetweenTheExtremesNearby) {
   const Image image = square_image(24, 8, 16, 200, 40);
-  TileExtremes extremes;
-  extremes.measure(image.view());
-  ThresholdMap map;
-  extremes.threshold(image.view(), {0.5, 16}, map);
-  // 40 + 0.5 * (200 - 40) = 120.
-  EXPECT_EQ(map.row(10)[10], (40 - 120) * ThresholdMap::kScale);
-  EXPECT_EQ(map.row(5)[5], (200 - 120) * ThresholdMap::kScale);
-  extremes.threshold(image.view(), {0.75, 16}, map);
-  EXPECT_EQ(map.row(10)[10], (40 - 160) * ThresholdMap::kScale);
+  Threshold threshold;
+  threshold.measure(image.view());
+  // At 8 / 16: 40 + 0.5 * (200 - 40) = 120; at 11 / 16: 40 + 110 = 150; at 5 / 16: 40 + 50 = 90.
+  const std::array<int, 3> at{120, 150, 90};
+  for (std::size_t level = 0; level < at.size(); ++level) {
+    EXPECT_EQ(threshold.distance(level, 10, 10), (40 - at[level]) * Threshold::kScale);
+    EXPECT_EQ(threshold.distance(level, 5, 5), (200 - at[level]) * Threshold::kScale);
+  }
+  // Beyond the image everything is bright.
+  EXPECT_GT(threshold.distance(0, -1, 10), 0);
+  EXPECT_GT(threshold.distance(0, 10, 24), 0);
 }
 
 TEST(Threshold, TakesWhatHasNoContrastForBright) {
   const Image image = square_image(24, 8, 16, 105, 95);
-  TileExtremes extremes;
-  extremes.measure(image.view());
-  ThresholdMap map;
-  extremes.threshold(image.view(), {0.5, 16}, map);
+  Threshold threshold;
+  threshold.measure(image.view());
   for (int y = -1; y <= 24; ++y)
-    for (int x = -1; x <= 24; ++x) EXPECT_GT(map.row(y)[x], 0);
+    for (int x = -1; x <= 24; ++x) {
+      EXPECT_GT(threshold.distance(0, x, y), 0);
+      EXPECT_FALSE(threshold.map(0).dark(x, y));
+    }
+}
+
+TEST(Threshold, MapsAgreeWithDistances) {
+  std::mt19937 random(3);
+  for (const int width : {1, 3, 63, 64, 65, 150}) {
+    Image image(width, 41);
+    for (std::uint8_t& pixel : image.pixels) pixel = static_cast<std::uint8_t>(random());
+    Threshold threshold;
+    threshold.measure(image.view());
+    for (std::size_t level = 0; level < Threshold::kLevels.size(); ++level)
+      for (int y = -1; y <= image.height; ++y)
+        for (int x = -1; x <= image.width; ++x)
+          ASSERT_EQ(threshold.map(level).dark(x, y), threshold.distance(level, x, y) < 0)
+              << width << ": " << x << ", " << y;
+  }
 }
 
 TEST(Threshold, KnowsNoiseFromContrast) {
@@ -68,11 +101,11 @@ TEST(Threshold, KnowsNoiseFromContrast) {
     Image image = square_image(256, 100, 150, 200, 60);
     for (std::uint8_t& pixel : image.pixels)
       pixel = static_cast<std::uint8_t>(std::lround(pixel + noise(random)));
-    TileExtremes extremes;
-    extremes.measure(image.view());
-    EXPECT_NEAR(extremes.noise(), sigma, 0.15 * sigma);
+    Threshold threshold;
+    threshold.measure(image.view());
+    EXPECT_NEAR(threshold.noise(), sigma, 0.15 * sigma);
   }
-  TileExtremes even;
+  Threshold even;
   even.measure(Image(64, 64, 90).view());
   EXPECT_EQ(even.noise(), 0.0);
   // 6 * 5 = 30, but no less than 16 and no more than 60.
@@ -147,12 +180,86 @@ TEST(Contours, KnowWhereTheImageEnds) {
 }
 
 TEST(Contours, JoinDarkPixelsAtACornerOnlyIfTheGreyBetweenIsDark) {
-  // Two dark squares that touch at a corner: the mean of the four pixels there is 100.
+  // Two dark squares that touch at a corner: the mean of the four pixels there is 100, the
+  // thresholds are 62.5, 100 and 137.5.
   Image image(24, 24, 200);
   for (int i = 0; i < 4; ++i)
     for (int j = 0; j < 4; ++j) image.row(8 + i)[8 + j] = image.row(12 + i)[12 + j] = 0;
-  EXPECT_EQ(contours_of(image, 0.4).size(), 2U);
-  EXPECT_EQ(contours_of(image, 0.6).size(), 1U);
+  EXPECT_EQ(contours_of(image, 2).size(), 2U);
+  EXPECT_EQ(contours_of(image, 0).size(), 2U);
+  EXPECT_EQ(contours_of(image, 1).size(), 1U);
+}
+
+/// Dark where the point is inside the polygon (clockwise on the screen).
+Image polygon_image(int size, const std::vector<Point>& corners) {
+  Image image(size, size, 200);
+  for (int y = 0; y < size; ++y)
+    for (int x = 0; x < size; ++x) {
+      bool inside = true;
+      for (std::size_t i = 0; i < corners.size(); ++i) {
+        const Point side = corners[(i + 1) % corners.size()] - corners[i];
+        const Point to = Point(x, y) - corners[i];
+        inside = inside && side.x() * to.y() - side.y() * to.x() >= 0.0;
+      }
+      if (inside) image.row(y)[x] = 0;
+    }
+  return image;
+}
+
+TEST(Contours, OfConvexShapesAreFoundAtEveryTurn) {
+  for (int degrees = 0; degrees < 90; degrees += 3)
+    for (const double half : {5.0, 9.0, 40.0}) {
+      const double angle = degrees * std::numbers::pi / 180.0;
+      const Eigen::Rotation2Dd turn(angle);
+      std::vector<Point> corners;
+      for (const Point& corner : {Point(-1, -1), Point(1, -1), Point(1, 1), Point(-1, 1)})
+        corners.push_back(Point(64.3, 63.8) + turn * (half * corner));
+      // Dark inside bright, and the other way round in a dark frame.
+      Image image = polygon_image(128, corners);
+      auto contours = convex_contours_of(image);
+      const auto island = std::find_if(contours.begin(), contours.end(),
+                                       [](const Contour& contour) { return !contour.hole; });
+      ASSERT_NE(island, contours.end()) << degrees << " degrees, " << half;
+      EXPECT_NEAR(island->area, 4.0 * half * half, 0.1 * 4.0 * half * half);
+      for (std::uint8_t& pixel : image.pixels) pixel = static_cast<std::uint8_t>(200 - pixel);
+      contours = convex_contours_of(image);
+      const auto hole = std::find_if(contours.begin(), contours.end(),
+                                     [](const Contour& contour) { return contour.hole; });
+      ASSERT_NE(hole, contours.end()) << degrees << " degrees, " << half;
+      EXPECT_NEAR(hole->area, 4.0 * half * half, 0.1 * 4.0 * half * half);
+    }
+}
+
+TEST(Contours, GiveUpWhatIsHollowOrCutOff) {
+  // A letter C, and a square at the image's edge.
+  Image image = square_image(80, 20, 60, 200, 0);
+  for (int y = 30; y < 50; ++y)
+    for (int x = 30; x < 60; ++x) image.row(y)[x] = 200;
+  EXPECT_EQ(contours_of(image).size(), 1U);
+  EXPECT_TRUE(convex_contours_of(image).empty());
+  EXPECT_TRUE(convex_contours_of(square_image(40, 0, 20, 200, 0)).empty());
+}
+
+TEST(Contours, FollowTheSameBordersInBothWays) {
+  // What one way finds, the other one finds as well, point by point, but for where it starts.
+  std::mt19937 random(9);
+  Image image(200, 150);
+  for (int y = 0; y < image.height; ++y)
+    for (int x = 0; x < image.width; ++x)
+      image.row(y)[x] =
+          static_cast<std::uint8_t>(128 + 60 * std::sin(0.35 * x) * std::cos(0.3 * y + 0.01 * x) +
+                                    static_cast<double>(random() % 16));
+  const auto all = contours_of(image);
+  const auto convex = convex_contours_of(image);
+  ASSERT_GT(convex.size(), 20U);
+  for (const Contour& contour : convex) {
+    const auto same = std::find_if(all.begin(), all.end(), [&](const Contour& other) {
+      return other.hole == contour.hole && other.points.size() == contour.points.size() &&
+             std::is_permutation(other.points.begin(), other.points.end(), contour.points.begin());
+    });
+    ASSERT_NE(same, all.end());
+    EXPECT_NEAR(same->area, contour.area, 1e-9);
+  }
 }
 
 Contour outline(const std::vector<Point>& corners, int per_side) {

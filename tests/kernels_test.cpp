@@ -6,7 +6,9 @@
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
 
+#include "detect/kernels/dark_bits.hpp"
 #include "detect/kernels/tile_extremes.hpp"
+#include "detect/kernels/tile_thresholds.hpp"
 
 namespace harco::detect::kernels {
 namespace {
@@ -64,6 +66,72 @@ TEST(Kernels, TileExtremesAreTheSameOnEveryTarget) {
         ASSERT_EQ(low, low_by_hand) << width << " x " << rows;
         ASSERT_EQ(high, high_by_hand) << width << " x " << rows;
       }
+  });
+}
+
+TEST(Kernels, TileThresholdsKnownByHand) {
+  // 40 + ceil(7 / 16 * 161) = 40 + 71; the second tile's contrast is too small.
+  const std::uint8_t low[] = {40, 90};
+  const std::uint8_t high[] = {201, 105};
+  std::vector<std::uint8_t> thresholds(8);
+  tile_thresholds(low, high, 2, 7, 16, thresholds.data());
+  EXPECT_EQ(thresholds, (std::vector<std::uint8_t>{111, 111, 111, 111, 0, 0, 0, 0}));
+}
+
+TEST(Kernels, TileThresholdsAreTheSameOnEveryTarget) {
+  on_every_target([] {
+    for (int tiles = 1; tiles <= 150; ++tiles) {
+      const auto count = static_cast<std::size_t>(tiles);
+      const auto seed = static_cast<std::uint32_t>(tiles);
+      std::vector<std::vector<std::uint8_t>> rows;
+      for (std::uint32_t i = 0; i < 6; ++i) rows.push_back(random_bytes(count + 2, 6 * seed + i));
+      const TileBands bands{{rows[0].data(), rows[1].data(), rows[2].data()},
+                            {rows[3].data(), rows[4].data(), rows[5].data()}};
+      std::vector<std::uint8_t> low(count);
+      std::vector<std::uint8_t> high(count);
+      std::vector<std::uint8_t> low_by_hand(count);
+      std::vector<std::uint8_t> high_by_hand(count);
+      tile_extremes_nearby(bands, tiles, low.data(), high.data());
+      tile_extremes_nearby_scalar(bands, tiles, low_by_hand.data(), high_by_hand.data());
+      ASSERT_EQ(low, low_by_hand) << tiles;
+      ASSERT_EQ(high, high_by_hand) << tiles;
+
+      low = random_bytes(count, seed);
+      high = random_bytes(count, seed + 1000);
+      for (std::size_t i = 0; i < count; ++i)
+        if (low[i] > high[i]) std::swap(low[i], high[i]);
+      for (const int level : {0, 5, 11, 16})
+        for (const int contrast : {0, 16, 255}) {
+          std::vector<std::uint8_t> thresholds(kTile * count);
+          std::vector<std::uint8_t> by_hand(kTile * count);
+          tile_thresholds(low.data(), high.data(), tiles, level, contrast, thresholds.data());
+          tile_thresholds_scalar(low.data(), high.data(), tiles, level, contrast, by_hand.data());
+          ASSERT_EQ(thresholds, by_hand) << tiles;
+        }
+    }
+  });
+}
+
+TEST(Kernels, DarkBitsKnownByHand) {
+  const std::uint8_t pixels[] = {0, 9, 10, 11, 255, 0, 0, 0, 0, 99};
+  const std::uint8_t thresholds[] = {10, 10, 10, 10, 255, 0, 0, 0, 1, 100};
+  std::vector<std::uint8_t> bits(2, 0xFF);
+  dark_bits(pixels, thresholds, 10, bits.data());
+  EXPECT_EQ(bits, (std::vector<std::uint8_t>{0b00000011, 0b00000011}));
+}
+
+TEST(Kernels, DarkBitsAreTheSameOnEveryTarget) {
+  on_every_target([] {
+    for (int width = 1; width <= 300; ++width) {
+      const auto count = static_cast<std::size_t>(width);
+      const auto pixels = random_bytes(count, static_cast<std::uint32_t>(width));
+      const auto thresholds = random_bytes(count, static_cast<std::uint32_t>(width + 1000));
+      std::vector<std::uint8_t> bits((count + 7) / 8);
+      std::vector<std::uint8_t> by_hand(bits.size());
+      dark_bits(pixels.data(), thresholds.data(), width, bits.data());
+      dark_bits_scalar(pixels.data(), thresholds.data(), width, by_hand.data());
+      ASSERT_EQ(bits, by_hand) << width;
+    }
   });
 }
 

@@ -27,10 +27,6 @@ using detect::Codebook;
 using detect::Match;
 using detect::Quad;
 
-// Thresholds between local black and white: the middle finds wide structure without bias, the
-// higher one holds thin lines of small children together, the lower one finds markers in shade
-// beside sunlit ground.
-constexpr double kLevels[] = {0.5, 0.68, 0.3};
 // From this share of the span between black and white a cell counts as white: cells that hold
 // children are darker than paper.
 constexpr double kWhiteLevel = 0.42;
@@ -120,6 +116,14 @@ class ShapeIndex {
   std::vector<Shape> shapes_;
 };
 
+Image picture_of(const detect::DarkMap& map) {
+  Image picture(map.width(), map.height(), 255);
+  for (int y = 0; y < map.height(); ++y)
+    for (int x = 0; x < map.width(); ++x)
+      if (map.dark(x, y)) picture.row(y)[x] = 0;
+  return picture;
+}
+
 /// How sure a detection is by itself.
 enum class Standing { sure, needs_relatives, needs_memory };
 
@@ -193,8 +197,7 @@ struct Detector::Impl {
   detect::Lens lens;
 
   // Scratch, kept from frame to frame.
-  detect::TileExtremes extremes;
-  detect::ThresholdMap map;
+  detect::Threshold threshold;
   detect::BorderFollower follower;
   ShapeIndex shapes;
   std::vector<Candidate> candidates;
@@ -204,31 +207,23 @@ struct Detector::Impl {
 
 void Detector::Impl::find_shapes(const ImageView& image, DetectionTrace* trace) {
   shapes.clear(image.width(), image.height());
-  extremes.measure(image);
-  const double extent = 0.5 * options.min_side_px;  // of a steep marker's bounding box
-  const auto points = static_cast<std::size_t>(2.5 * options.min_side_px);
+  threshold.measure(image);
+  detect::ContourLimits limits;
+  limits.min_extent = 0.5 * options.min_side_px;  // of a steep marker's bounding box
+  limits.min_points = static_cast<std::size_t>(2.5 * options.min_side_px);
+  limits.holes = !child_books.empty();
+  limits.islands = !parent_books.empty();
   const double smallest = 0.25 * options.min_side_px * options.min_side_px;
-  for (const double level : kLevels) {
-    detect::ThresholdOptions threshold;
-    threshold.level = level;
-    threshold.min_contrast = detect::contrast_above_noise(extremes.noise());
-    extremes.threshold(image, threshold, map);
-    if (trace) {
-      Image binary(image.width(), image.height());
-      for (int y = 0; y < image.height(); ++y)
-        for (int x = 0; x < image.width(); ++x) binary.row(y)[x] = map.row(y)[x] < 0 ? 0 : 255;
-      trace->binary.push_back(std::move(binary));
+  for (std::size_t level = 0; level < detect::Threshold::kLevels.size(); ++level) {
+    if (trace) trace->binary.push_back(picture_of(threshold.map(level)));
+    follower.start(threshold, level, limits);
+    while (const detect::Contour* contour = follower.next_convex()) {
+      if (trace) trace->contours.push_back(contour->points);
+      if (contour->area < smallest) continue;
+      const auto quad = detect::fit_quad(*contour);
+      if (!quad || detect::mean_side(*quad) < 0.8 * options.min_side_px) continue;
+      shapes.add({*quad, contour->hole});
     }
-    follower.follow(map, points, extent, [&](const detect::Contour& contour) {
-      if (trace) trace->contours.push_back(contour.points);
-      // What the image's edge cuts off has no corner there to be measured.
-      if (contour.at_image_edge || contour.area < smallest) return;
-      const std::vector<Codebook>& books = contour.hole ? child_books : parent_books;
-      if (books.empty()) return;
-      const auto quad = detect::fit_quad(contour);
-      if (!quad || detect::mean_side(*quad) < 0.8 * options.min_side_px) return;
-      shapes.add({*quad, contour.hole});
-    });
   }
 }
 

@@ -1,61 +1,19 @@
 #include "detect/threshold.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
+#include "detect/kernels/dark_bits.hpp"
+#include "detect/kernels/tile_thresholds.hpp"
+
 namespace harco::detect {
-namespace {
 
-// The threshold of a tile without contrast: everything counts as bright.
-constexpr std::int16_t kFlat = -1;
-
-}  // namespace
-
-void TileExtremes::measure(const ImageView& image) {
-  columns_ = (image.width() + kTile - 1) / kTile;
-  rows_ = (image.height() + kTile - 1) / kTile;
-  const auto count = static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_);
-  low_.resize(count);
-  high_.resize(count);
-  for (int row = 0; row < rows_; ++row) {
-    const auto first = static_cast<std::ptrdiff_t>(row) * columns_;
-    kernels::tile_extremes(image.row(row * kTile), image.stride(), image.width(),
-                           std::min(kTile, image.height() - row * kTile), low_.data() + first,
-                           high_.data() + first);
-  }
-  near_low_.resize(count);
-  near_high_.resize(count);
-  for (int row = 0; row < rows_; ++row)
-    for (int column = 0; column < columns_; ++column) {
-      std::uint8_t low = 255;
-      std::uint8_t high = 0;
-      for (int r = std::max(0, row - 1); r <= std::min(rows_ - 1, row + 1); ++r)
-        for (int c = std::max(0, column - 1); c <= std::min(columns_ - 1, column + 1); ++c) {
-          const auto tile = static_cast<std::size_t>(r * columns_ + c);
-          low = std::min(low, low_[tile]);
-          high = std::max(high, high_[tile]);
-        }
-      const auto tile = static_cast<std::size_t>(row * columns_ + column);
-      near_low_[tile] = low;
-      near_high_[tile] = high;
-    }
-}
-
-double TileExtremes::noise() const {
-  std::array<int, 256> histogram{};
-  int count = 0;
-  for (std::size_t tile = 0; tile < low_.size(); ++tile)
-    if (low_[tile] > 0 && high_[tile] < 255) {  // not clipped
-      ++histogram[static_cast<std::size_t>(high_[tile] - low_[tile])];
-      ++count;
-    }
-  int below = 0;
-  int range = 0;
-  while (range < 255 && 4 * (below += histogram[static_cast<std::size_t>(range)]) < count) ++range;
-  // A quarter of all sets of 16 normal deviates have a smaller range than this.
-  constexpr double kLowerQuartile = 3.01;
-  return range / kLowerQuartile;
+void DarkMap::resize(int width, int height) {
+  if (width == width_ && height == height_) return;
+  width_ = width;
+  height_ = height;
+  stride_ = words_in_row() + 2;
+  words_.assign(static_cast<std::size_t>(stride_) * static_cast<std::size_t>(height + 2), 0);
 }
 
 int contrast_above_noise(double noise) {
@@ -63,29 +21,80 @@ int contrast_above_noise(double noise) {
   return std::clamp(static_cast<int>(std::lround(6.0 * noise)), 16, 60);
 }
 
-void TileExtremes::threshold(const ImageView& image, const ThresholdOptions& options,
-                             ThresholdMap& map) {
-  map.resize(image.width(), image.height());
-  const auto level = static_cast<int>(std::lround(options.level * ThresholdMap::kScale));
-  tile_level_.resize(near_low_.size());
-  for (std::size_t tile = 0; tile < near_low_.size(); ++tile) {
-    const int contrast = near_high_[tile] - near_low_[tile];
-    tile_level_[tile] =
-        contrast < options.min_contrast
-            ? kFlat
-            : static_cast<std::int16_t>(near_low_[tile] * ThresholdMap::kScale + contrast * level);
+void Threshold::measure(const ImageView& image) {
+  image_ = image;
+  columns_ = (image.width() + kTile - 1) / kTile;
+  bands_ = (image.height() + kTile - 1) / kTile;
+  const auto columns = static_cast<std::size_t>(columns_);
+  for (auto& band : low_) band.assign(columns + 2, 255);
+  for (auto& band : high_) band.assign(columns + 2, 0);
+  near_low_.resize(columns * static_cast<std::size_t>(bands_));
+  near_high_.resize(near_low_.size());
+  thresholds_.resize(columns * kTile);
+  for (DarkMap& map : maps_) map.resize(image.width(), image.height());
+
+  measure_noise();
+  min_contrast_ = contrast_above_noise(noise_);
+  // One band behind the other, while its pixels are still in the cache.
+  measure_band(0);
+  for (int band = 0; band < bands_; ++band) {
+    measure_band(band + 1);
+    find_dark(band);
   }
-  for (int y = 0; y < image.height(); ++y) {
-    const std::uint8_t* pixels = image.row(y);
-    std::int16_t* out = map.row(y);
-    const auto first = static_cast<std::size_t>(y / kTile) * static_cast<std::size_t>(columns_);
-    for (int column = 0; column < columns_; ++column) {
-      const int x1 = std::min(image.width(), (column + 1) * kTile);
-      const std::int16_t at = tile_level_[first + static_cast<std::size_t>(column)];
-      for (int x = column * kTile; x < x1; ++x)
-        out[x] = at == kFlat ? std::int16_t{1}
-                             : static_cast<std::int16_t>(pixels[x] * ThresholdMap::kScale - at);
-    }
+}
+
+void Threshold::measure_noise() {
+  // Some thousands of tiles tell enough.
+  constexpr int kEnough = 8192;
+  const int every = std::max(1, columns_ * bands_ / kEnough);
+  std::array<int, 256> histogram{};
+  int count = 0;
+  for (int band = every / 2; band < bands_; band += every) {
+    measure_band(band);
+    const std::vector<std::uint8_t>& low = low_[static_cast<std::size_t>(band % 4)];
+    const std::vector<std::uint8_t>& high = high_[static_cast<std::size_t>(band % 4)];
+    for (std::size_t tile = 1; tile <= static_cast<std::size_t>(columns_); ++tile)
+      if (low[tile] > 0 && high[tile] < 255) {  // not clipped
+        ++histogram[static_cast<std::size_t>(high[tile] - low[tile])];
+        ++count;
+      }
+  }
+  int below = 0;
+  int range = 0;
+  while (range < 255 && 4 * (below += histogram[static_cast<std::size_t>(range)]) < count) ++range;
+  // A quarter of all sets of 16 normal deviates have a smaller range than this.
+  constexpr double kLowerQuartile = 3.01;
+  noise_ = range / kLowerQuartile;
+}
+
+void Threshold::measure_band(int band) {
+  if (band >= bands_) return;
+  const int y = band * kTile;
+  const auto at = static_cast<std::size_t>(band % 4);
+  kernels::tile_extremes(image_.row(y), image_.stride(), image_.width(),
+                         std::min(kTile, image_.height() - y), low_[at].data() + 1,
+                         high_[at].data() + 1);
+}
+
+void Threshold::find_dark(int band) {
+  kernels::TileBands bands{};
+  for (int i = 0; i < 3; ++i) {
+    // The bands beyond the image are its outermost ones.
+    const auto at = static_cast<std::size_t>(std::clamp(band + i - 1, 0, bands_ - 1) % 4);
+    bands.low[i] = low_[at].data();
+    bands.high[i] = high_[at].data();
+  }
+  const std::ptrdiff_t first = std::ptrdiff_t{band} * columns_;
+  std::uint8_t* low = near_low_.data() + first;
+  std::uint8_t* high = near_high_.data() + first;
+  kernels::tile_extremes_nearby(bands, columns_, low, high);
+  for (std::size_t level = 0; level < kLevels.size(); ++level) {
+    kernels::tile_thresholds(low, high, columns_, kLevels[level], min_contrast_,
+                             thresholds_.data());
+    const int end = std::min((band + 1) * kTile, image_.height());
+    for (int y = band * kTile; y < end; ++y)
+      kernels::dark_bits(image_.row(y), thresholds_.data(), image_.width(),
+                         reinterpret_cast<std::uint8_t*>(maps_[level].row(y)));
   }
 }
 

@@ -1,6 +1,9 @@
 // First stage: which pixels are dark, judged against their own neighbourhood.
 #pragma once
 
+#include <algorithm>
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -9,64 +12,96 @@
 
 namespace harco::detect {
 
-/// Signed distance of every pixel from the local threshold, in grey levels x kScale: negative is
-/// dark. Pixels without contrast nearby count as bright. A frame of one bright pixel lies around
-/// the image, so that a follower of borders needs no tests for the image's edge.
-class ThresholdMap {
+/// One bit a pixel: set if it is dark. Whatever lies outside of the image is bright.
+class DarkMap {
  public:
-  static constexpr int kScale = 16;
+  /// All bright. Keeps what is there if the size is the same.
+  void resize(int width, int height);
 
-  void resize(int width, int height) {
-    width_ = width;
-    height_ = height;
-    stride_ = width + 2;
-    values_.assign(static_cast<std::size_t>(stride_) * static_cast<std::size_t>(height + 2), 1);
-  }
   int width() const { return width_; }
   int height() const { return height_; }
-  int stride() const { return stride_; }
+
+  /// Words of 64 pixels that a row takes, with one of padding on either side: words -1 …
+  /// words_in_row() are valid.
+  int words_in_row() const { return (width_ + 63) / 64; }
+
+  /// Valid from row -1 to height().
+  const std::uint64_t* row(int y) const { return words_.data() + (y + 1) * stride_ + 1; }
+  std::uint64_t* row(int y) { return words_.data() + (y + 1) * stride_ + 1; }
 
   /// Valid from (-1, -1) to (width, height).
-  const std::int16_t* row(int y) const { return values_.data() + (y + 1) * stride_ + 1; }
-  std::int16_t* row(int y) { return values_.data() + (y + 1) * stride_ + 1; }
+  bool dark(int x, int y) const {
+    const int bit = x + 64;
+    return (row(y)[bit / 64 - 1] >> (bit % 64) & 1) != 0;
+  }
+
+  /// Bits as for origin().
+  void set(std::ptrdiff_t bit) { row(0)[bit >> 6] |= std::uint64_t{1} << (bit & 63); }
+  void clear() { std::fill(words_.begin(), words_.end(), 0); }
+
+  /// For readers of single bits: pixel (x, y) is bit y * bits_in_row() + x from here on; negative
+  /// ones are valid as above.
+  const std::uint64_t* origin() const { return row(0); }
+  std::ptrdiff_t bits_in_row() const { return stride_ * 64; }
 
  private:
-  int width_ = 0, height_ = 0, stride_ = 0;
-  std::vector<std::int16_t> values_;
-};
-
-struct ThresholdOptions {
-  /// Where the threshold lies between the darkest and the brightest grey nearby. Above one half,
-  /// thin dark lines hold together.
-  double level = 0.5;
-  /// Least difference between brightest and darkest, in grey levels.
-  int min_contrast = 16;
+  int width_ = 0, height_ = 0;
+  std::ptrdiff_t stride_ = 0;
+  std::vector<std::uint64_t> words_;
 };
 
 /// The least contrast that noise of a standard deviation `noise` (grey levels) doesn't reach in
 /// even ground: the extremes of the 144 pixels around a tile lie six standard deviations apart.
 int contrast_above_noise(double noise);
 
-/// Extremes of the image over tiles, from which thresholds at any level follow.
-class TileExtremes {
+/// Thresholds between the darkest and the brightest grey nearby (in the 3 x 3 tiles around each
+/// tile of 4 x 4 pixels), at several levels at once. Where the contrast is less than what noise
+/// makes, everything counts as bright.
+class Threshold {
  public:
-  static constexpr int kTile = kernels::kTile;
+  /// Where the thresholds lie between darkest and brightest, in sixteenths. The middle finds wide
+  /// structure without bias, the higher one holds thin dark lines of small children together, the
+  /// lower one finds markers in shade beside sunlit ground.
+  static constexpr std::array kLevels{8, 11, 5};
+  static constexpr int kScale = 16;
 
-  /// Reads the image once.
+  /// Reads the image, whose pixels have to stay where they are for as long as distances are asked
+  /// for.
   void measure(const ImageView& image);
 
-  /// Standard deviation of the noise, from the ranges of the evenest quarter of all tiles.
-  double noise() const;
+  /// Standard deviation of the noise in grey levels, from the ranges of the evenest quarter of
+  /// tiles.
+  double noise() const { return noise_; }
 
-  /// The map for one level.
-  void threshold(const ImageView& image, const ThresholdOptions& options, ThresholdMap& map);
+  const DarkMap& map(std::size_t level) const { return maps_[level]; }
+
+  /// Signed distance of a pixel from its threshold, in grey levels x kScale: negative is dark.
+  /// Valid everywhere, bright outside of the image.
+  int distance(std::size_t level, int x, int y) const {
+    if (x < 0 || y < 0 || x >= image_.width() || y >= image_.height()) return 1;
+    const auto tile = static_cast<std::size_t>(y / kTile) * static_cast<std::size_t>(columns_) +
+                      static_cast<std::size_t>(x / kTile);
+    const int low = near_low_[tile];
+    const int contrast = near_high_[tile] - low;
+    if (contrast < min_contrast_) return 1;
+    return kScale * (image_(x, y) - low) - contrast * kLevels[level];
+  }
 
  private:
-  int columns_ = 0, rows_ = 0;
-  std::vector<std::uint8_t> low_, high_;            // of the tile itself
-  std::vector<std::uint8_t> near_low_, near_high_;  // of the 3 x 3 tiles around it
-  std::vector<std::int16_t> level_row_;             // the threshold along one image row
-  std::vector<std::int16_t> tile_level_;
+  static constexpr int kTile = kernels::kTile;
+
+  void measure_noise();
+  void measure_band(int band);
+  void find_dark(int band);
+
+  ImageView image_;
+  int columns_ = 0, bands_ = 0;
+  double noise_ = 0.0;
+  int min_contrast_ = 0;
+  std::array<std::vector<std::uint8_t>, 4> low_, high_;  // of bands of tiles, in turn; padded
+  std::vector<std::uint8_t> near_low_, near_high_;       // of the 3 x 3 tiles around each tile
+  std::vector<std::uint8_t> thresholds_;                 // of a row of pixels
+  std::array<DarkMap, kLevels.size()> maps_;
 };
 
 }  // namespace harco::detect
