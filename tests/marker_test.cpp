@@ -88,11 +88,32 @@ TEST(Place, ParentsFollowOneAnotherWithAGridOfTheirOwn) {
   EXPECT_EQ(placed[5].grid_position, Eigen::Vector2d(2, 2));  // cell 7: row 1, column 1
 }
 
+TEST(Place, AChildMayFillAPartOfACell) {
+  MarkerSet set = three_layers();
+  // In black cell 6 (row 1, column 1), divided into 3 x 3 parts, the last but one: row 2, column 1.
+  set.parents[0].marker.children = {{1, 6, code_with_black({5, 6, 7}), {}, 3, 7}};
+  validate(set);
+  const PlacedMarker child = place(set).at(1);
+  const double cell = 1.6 / 7.0;
+  EXPECT_NEAR(child.side_m, cell / 3.0, 1e-15);
+  EXPECT_NEAR(child.origin_m.x(), (2.0 + 1.0 / 3.0) * cell, 1e-12);
+  EXPECT_NEAR(child.origin_m.y(), (2.0 + 2.0 / 3.0) * cell, 1e-12);
+  EXPECT_EQ(child.grid_position, Eigen::Vector2d(7, 8));
+  EXPECT_EQ(child.parts, 3);
+}
+
 TEST(Place, RefusesCellsThatAreNotThere) {
   for (const int cell : {-1, 25}) {
     MarkerSet set = three_layers();
     set.parents[0].marker.children[0].cell = cell;
     EXPECT_THROW(place(set), std::invalid_argument) << cell;
+  }
+  for (const auto& [parts, part] : {std::pair{0, 0}, {1, 1}, {3, 9}, {3, -1}, {33, 0}}) {
+    MarkerSet set = three_layers();
+    set.parents[0].marker.children[0].parts = parts;
+    set.parents[0].marker.children[0].part = part;
+    EXPECT_THROW(place(set), std::invalid_argument) << parts << " " << part;
+    EXPECT_THROW(validate(set), std::invalid_argument) << parts << " " << part;
   }
   MarkerSet set = three_layers();
   set.parents[0].marker.code = {};
@@ -154,6 +175,27 @@ TEST(Validate, NamesTheMarkerAndTheRule) {
       {"child 7 in parent 0: cell 1 is black", [&](auto& s) { child(s).cell = 1; }},
       {"child 9 in child 7: cell 5 is black", [&](auto& s) { child(s).children[0].cell = 5; }},
       {"child 3 in parent 0: cell 0 is taken", [&](auto& s) { second(s).cell = 0; }},
+      {"child 7 in parent 0: part 4 of a cell of 2 x 2 is not there",
+       [&](auto& s) {
+         child(s).parts = 2;
+         child(s).part = 4;
+       }},
+      {"child 3 in parent 0: part 0 of a cell of 2 x 2 is taken",
+       [&](auto& s) {
+         child(s).parts = second(s).parts = 2;
+         second(s).cell = 0;
+       }},
+      {"child 3 in parent 0: cell 0 is divided in two ways",
+       [&](auto& s) {
+         second(s).parts = 2;
+         second(s).cell = 0;
+       }},
+      {"child 3 in parent 0: cell 1 is black and has too many children",
+       [&](auto& s) {
+         child(s).cell = second(s).cell = 1;
+         child(s).parts = second(s).parts = 2;
+         second(s).part = 1;
+       }},
   };
   for (const Case& wrong : cases) {
     MarkerSet set = three_layers();
@@ -187,6 +229,8 @@ TEST(Validate, LetsParentsWithoutChildrenDoWithoutALine) {
 void expect_same(const Marker& a, const Marker& b) {
   EXPECT_EQ(a.id, b.id);
   EXPECT_EQ(a.cell, b.cell);
+  EXPECT_EQ(a.parts, b.parts);
+  EXPECT_EQ(a.part, b.part);
   EXPECT_EQ(a.code, b.code);
   ASSERT_EQ(a.children.size(), b.children.size());
   for (std::size_t i = 0; i < a.children.size(); ++i) expect_same(a.children[i], b.children[i]);
@@ -197,7 +241,7 @@ TEST(MarkersJson, RoundTrip) {
   set.line = {0.012345678901234567, 1.0 / 14.0};
   set.parents.push_back(
       {0.1 + 0.2,
-       {12, -1, code_with_black({1, 2, 6}, 6), {{4, 7, code_with_black({5, 6, 8}), {}}}}});
+       {12, -1, code_with_black({1, 2, 6}, 6), {{4, 7, code_with_black({5, 6, 8}), {}, 4, 9}}}});
   const MarkerSet back = parse_markers(format_markers(set));
   EXPECT_EQ(back.cells, 5);
   EXPECT_EQ(back.line.inside, set.line.inside);

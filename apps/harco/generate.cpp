@@ -14,6 +14,7 @@
 
 #include "code_search.hpp"
 #include "harco/dictionary.hpp"
+#include "harco/layout.hpp"
 #include "number_list.hpp"
 #include "verbs.hpp"
 #include "write_markers.hpp"
@@ -23,6 +24,8 @@ namespace {
 
 struct GenerateOptions {
   int layers = 0;
+  int parents = 1;
+  int cells = 5;
   double side_m = 0.0;
   std::string out;
   std::vector<std::string> children{"quincunx"};
@@ -30,12 +33,19 @@ struct GenerateOptions {
   std::optional<int> tau;
   std::optional<int> min_black;
   std::optional<int> max_black;
-  DictionaryOptions dictionary;
+  CodeSearch codes;
   DrawingOptions drawing;
 };
 
 /// One choice holds for all layers that carry children; otherwise there is one for each.
-std::vector<std::vector<int>> tree_of(const GenerateOptions& options) {
+Marker layout_of(const GenerateOptions& options) {
+  const std::string carpet_name = "carpet";
+  if (options.children == std::vector{carpet_name}) {
+    if (options.layers != kCarpetLayers)
+      throw std::invalid_argument(
+          fmt::format("--children carpet has {} layers, not {}", kCarpetLayers, options.layers));
+    return carpet(options.cells);
+  }
   const auto carrying = static_cast<std::size_t>(options.layers - 1);
   if (options.children.size() != 1 && options.children.size() != carrying)
     throw std::invalid_argument(
@@ -44,74 +54,70 @@ std::vector<std::vector<int>> tree_of(const GenerateOptions& options) {
   std::vector<std::vector<int>> tree;
   for (std::size_t layer = 0; layer < carrying; ++layer) {
     const std::string& choice = options.children[options.children.size() == 1 ? 0 : layer];
-    tree.push_back(parse_cells(choice, options.dictionary.cells, "--children"));
+    tree.push_back(parse_cells(choice, options.cells, "--children"));
   }
-  return tree;
+  return uniform_layout(options.cells, tree);
 }
 
-DictionaryOptions dictionary_options(const GenerateOptions& options) {
-  DictionaryOptions dictionary = options.dictionary;
-  dictionary.child_cells = tree_of(options);
-  dictionary.method =
+CodeSearch search_of(const GenerateOptions& options) {
+  CodeSearch search = options.codes;
+  search.method =
       options.method == "mutation" ? DictionaryMethod::mutation : DictionaryMethod::search;
-  (options.layers == 1 ? dictionary.parent_distance : dictionary.child_distance) = options.tau;
+  (options.layers == 1 ? search.parent_distance : search.child_distance) = options.tau;
   if (options.min_black || options.max_black) {
-    BlackRange black = default_child_black(dictionary.cells);
+    BlackRange black = default_child_black(options.cells);
     // A limit given alone takes the other along if they would cross.
     if (options.min_black) black.least = *options.min_black;
     if (options.max_black) black.most = *options.max_black;
     if (!options.max_black) black.most = std::max(black.most, black.least);
     if (!options.min_black) black.least = std::min(black.least, black.most);
-    dictionary.child_black = black;
+    search.child_black = black;
   }
-  return dictionary;
+  return search;
 }
 
-void print_distance(const char* name, std::size_t codes, int distance,
-                    const std::optional<DistanceBound>& bound) {
-  fmt::print("{:9} {} code{}, tau = {}", name, codes, codes == 1 ? "" : "s", distance);
-  if (bound) fmt::print(" (at most {}: {})", bound->distance, bound->reason);
-  fmt::print("\n");
+void print_reached(const DictionaryReached& reached, int set_cells) {
+  fmt::print("{:9} {} code{}{}, tau = {} (at most {}: {})\n",
+             reached.children ? "children:" : "parents:", reached.count,
+             reached.count == 1 ? "" : "s",
+             reached.cells == set_cells ? "" : fmt::format(" of {0} x {0}", reached.cells),
+             reached.distance, reached.bound.distance, reached.bound.reason);
 }
 
-void print_reached(const Dictionary& dictionary) {
-  print_distance("parents:", dictionary.parents.size(), dictionary.parent_distance,
-                 dictionary.parent_bound);
-  std::size_t children = 0;
-  for (const auto& layer : dictionary.children) children += layer.size();
-  if (children > 0)
-    print_distance("children:", children, dictionary.child_distance, dictionary.child_bound);
-}
-
-void warn_if_missed(const char* whose, const std::optional<int>& wanted, int reached) {
-  if (wanted && reached < *wanted)
+void warn_if_missed(const DictionaryReached& reached, const CodeSearch& search) {
+  const std::optional<int>& wanted =
+      reached.children ? search.child_distance : search.parent_distance;
+  if (wanted && reached.distance < *wanted)
     fmt::print(stderr, "harco: warning: tau = {} was asked for the {}, {} was reached\n", *wanted,
-               whose, reached);
+               reached.children ? "children" : "parents", reached.distance);
 }
 
 /// A marker with one child a layer, found at once: all that drawing may refuse shows in it already.
-MarkerSet sample_of(DictionaryOptions dictionary, const GenerateOptions& options) {
-  dictionary.parents = 1;
-  for (std::vector<int>& cells : dictionary.child_cells) cells.resize(1);
-  dictionary.parent_distance = dictionary.child_distance = 1;
-  return build_markers(generate_dictionary(dictionary), options.side_m,
-                       line_width(options.drawing));
+MarkerSet sample_of(MarkerSet without_codes, CodeSearch search) {
+  without_codes.parents.resize(1);
+  for (Marker* marker = &without_codes.parents[0].marker; !marker->children.empty();
+       marker = &marker->children[0])
+    marker->children.resize(1);
+  search.parent_distance = search.child_distance = 1;
+  return generate_codes(std::move(without_codes), search).markers;
 }
 
 void generate(const GenerateOptions& options) {
   if (!(options.side_m > 0.0) || !std::isfinite(options.side_m))
     throw std::invalid_argument("--side must be a positive number of metres");
-  const DictionaryOptions wanted = dictionary_options(options);
+  const CodeSearch search = search_of(options);
+  const MarkerSet wanted = without_codes(layout_of(options), options.parents, options.side_m,
+                                         line_width(options.drawing));
   check_writable(options.out);
-  check_drawing(sample_of(wanted, options), options.drawing);
+  check_drawing(sample_of(wanted, search), options.drawing);
 
-  const Dictionary dictionary = search_codes(wanted);
-  write_markers(build_markers(dictionary, options.side_m, line_width(options.drawing)), options.out,
-                options.drawing);
-  print_reached(dictionary);
-  warn_if_missed("parents", wanted.parent_distance, dictionary.parent_distance);
-  warn_if_missed("children", wanted.child_distance, dictionary.child_distance);
-  if (dictionary.cut_short)
+  const CodedMarkers made = search_codes(wanted, search);
+  write_markers(made.markers, options.out, options.drawing);
+  for (const DictionaryReached& reached : made.dictionaries) {
+    print_reached(reached, options.cells);
+    warn_if_missed(reached, search);
+  }
+  if (made.cut_short)
     fmt::print(stderr, "harco: warning: stopped early, these are the best codes found so far\n");
 }
 
@@ -121,24 +127,25 @@ void add_generate(CLI::App& app) {
   CLI::App& verb = *app.add_subcommand("generate", "Make new markers, ready to print");
   // The callback needs the options for as long as the command lives.
   const auto options = std::make_shared<GenerateOptions>();
-  DictionaryOptions& dictionary = options->dictionary;
+  CodeSearch& search = options->codes;
   verb.add_option("--layers", options->layers, "Layers of every marker; 1 has no children")
       ->required()
       ->check(CLI::Range(1, 8));
-  verb.add_option("--parents", dictionary.parents, "How many markers")
+  verb.add_option("--parents", options->parents, "How many markers")
       ->required()
       ->check(CLI::Range(1, 1000000));
   verb.add_option("--side", options->side_m, "Side of the black square in metres")->required();
   verb.add_option("--out", options->out, "Folder for the files; made if need be")->required();
 
   const std::string codes = "Codes";
-  verb.add_option("--cells", dictionary.cells, "n of the n x n inner cells")
+  verb.add_option("--cells", options->cells, "n of the n x n inner cells")
       ->check(CLI::Range(4, 8))
       ->capture_default_str()
       ->group(codes);
   verb.add_option("--children", options->children,
-                  "Cells that hold children: quincunx, checkerboard, or a list such as 0,4,12-14. "
-                  "Given once it holds for all layers, else once for every layer but the last, "
+                  "Cells that hold children: quincunx, checkerboard, a list such as 0,4,12-14, or "
+                  "carpet (three layers that cover all of the marker). Given once it holds for all "
+                  "layers, else once for every layer but the last, "
                   "from the top")
       ->capture_default_str()
       ->group(codes);
@@ -150,21 +157,21 @@ void add_generate(CLI::App& app) {
                   "Distance to reach between children (with one layer: between parents); if not "
                   "given, the greatest that is found")
       ->group(codes);
-  verb.add_option("--parent-tau", dictionary.parent_distance,
+  verb.add_option("--parent-tau", search.parent_distance,
                   "Distance to reach between parents; if not given, the greatest that is found")
       ->group(codes);
   verb.add_option("--min-black", options->min_black, "Least number of black cells in a child")
       ->group(codes);
   verb.add_option("--max-black", options->max_black, "Greatest number of black cells in a child")
       ->group(codes);
-  verb.add_option("--seed", dictionary.seed, "Same seed, same codes")
+  verb.add_option("--seed", search.seed, "Same seed, same codes")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str()
       ->group(codes);
-  verb.add_option("--effort", dictionary.effort, "Scales the length of the search")
+  verb.add_option("--effort", search.effort, "Scales the length of the search")
       ->capture_default_str()
       ->group(codes);
-  verb.add_option("--time-limit", dictionary.time_limit_s,
+  verb.add_option("--time-limit", search.time_limit_s,
                   "Seconds after which the best codes so far are taken; Ctrl-C does so at any time")
       ->group(codes);
   add_drawing_options(verb, options->drawing);

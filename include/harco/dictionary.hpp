@@ -15,17 +15,10 @@
 #include <vector>
 
 #include "harco/code.hpp"
+#include "harco/layout.hpp"
 #include "harco/marker.hpp"
 
 namespace harco {
-
-/// Cells of n x n that hold children: the four corners and the centre (of the four central cells of
-/// an even n, the top-left one). No two share an edge. For n = 5: 0, 4, 12, 20, 24.
-std::vector<int> quincunx(int cells);
-
-/// Every other cell, corners included: (n² + 1) / 2 of them, rounded down; 13 for n = 5. No two
-/// share an edge.
-std::vector<int> checkerboard(int cells);
 
 /// Least and greatest number of black cells of a code, both allowed.
 struct BlackRange {
@@ -56,24 +49,8 @@ struct DictionaryProgress {
 /// Called some times a second; false stops the generation, which then returns the best so far.
 using DictionaryCallback = std::function<bool(const DictionaryProgress&)>;
 
-struct DictionaryOptions {
-  int cells = 5;    ///< n of every generated marker, 4 … 8
-  int parents = 1;  ///< how many parents, N_1
-
-  /// For every layer but the last, from the top: the cells of each of its markers that hold
-  /// children (R_l of Eq. 10). Empty: parents only. Three layers of the paper: two times
-  /// quincunx(5).
-  std::vector<std::vector<int>> child_cells;
-
-  /// Parents whose codes stand already, such as another family's; their n may be another. If any,
-  /// they are taken instead of `parents` new ones, and each has children in those of
-  /// child_cells[0] that are white in its code, or in its own list of given_child_cells.
-  std::vector<Code> given_parents;
-
-  /// For every given parent the white cells of it that hold children; child_cells[0] is not looked
-  /// at then. Empty: see given_parents.
-  std::vector<std::vector<int>> given_child_cells;
-
+/// What is asked of codes, and how they are searched for.
+struct CodeSearch {
   /// Cells that are white in every child of every layer, beside those that hold children. Detectors
   /// that look at a parent's cell in its centre only, such as AprilTag's, read white there.
   std::vector<int> white_cells;
@@ -97,6 +74,26 @@ struct DictionaryOptions {
   /// Seconds after which the best so far is returned. Only the iterations count otherwise, not the
   /// machine's speed.
   double time_limit_s = std::numeric_limits<double>::infinity();
+};
+
+/// The tree of generate_dictionary, in which all generated markers have the same n.
+struct DictionaryOptions : CodeSearch {
+  int cells = 5;    ///< n of every generated marker, 4 … 8
+  int parents = 1;  ///< how many parents, N_1
+
+  /// For every layer but the last, from the top: the cells of each of its markers that hold
+  /// children (R_l of Eq. 10). Empty: parents only. Three layers of the paper: two times
+  /// quincunx(5).
+  std::vector<std::vector<int>> child_cells;
+
+  /// Parents whose codes stand already, such as another family's; their n may be another. If any,
+  /// they are taken instead of `parents` new ones, and each has children in those of
+  /// child_cells[0] that are white in its code, or in its own list of given_child_cells.
+  std::vector<Code> given_parents;
+
+  /// For every given parent the white cells of it that hold children; child_cells[0] is not looked
+  /// at then. Empty: see given_parents.
+  std::vector<std::vector<int>> given_child_cells;
 };
 
 /// No dictionary of the size, the black cells and the fixed cells asked for has a greater tau.
@@ -135,6 +132,31 @@ Dictionary generate_dictionary(const DictionaryOptions& options,
 /// in the order of Dictionary::children, 0, 1, 2, … over all layers. `side_m` is the side of every
 /// parent's black square. Throws std::invalid_argument if the numbers of codes don't fit the tree.
 MarkerSet build_markers(const Dictionary& dictionary, double side_m, const LineWidth& line = {});
+
+/// What was reached for the codes of one kind.
+struct DictionaryReached {
+  bool children = false;  ///< or parents
+  int cells = 5;          ///< n
+  int count = 0;          ///< of codes
+  int distance = 0;       ///< tau
+  DistanceBound bound;
+};
+
+/// A set with codes, and how far apart they are.
+struct CodedMarkers {
+  MarkerSet markers;
+  std::vector<DictionaryReached> dictionaries;  ///< of the parents, then of the children by their n
+  bool cut_short = false;                       ///< by the time limit or the callback
+};
+
+/// Gives codes and ids to all markers of a set without codes (layout.hpp), whatever their places:
+/// the cells that whole children fill are white. Markers of different n are never mistaken for one
+/// another, so every n has a dictionary of its own; distances, `child_black` and `parent_black`
+/// hold for each of them that can have them (child_black for children of the set's own n). Ids
+/// count from 0 among the parents and, layer by layer, among the children. Throws as
+/// generate_dictionary.
+CodedMarkers generate_codes(MarkerSet without_codes, const CodeSearch& search,
+                            const DictionaryCallback& callback = {});
 
 /// tau of a set of codes: the least of all distances and inner distances (Eq. 11 and 12, with the
 /// inner distance that Eq. 12 leaves out although its text demands it). 0 for an empty set.

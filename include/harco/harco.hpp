@@ -9,6 +9,7 @@
 #include "harco/error.hpp"
 #include "harco/geometry.hpp"
 #include "harco/image.hpp"
+#include "harco/layout.hpp"
 #include "harco/marker.hpp"
 #include "harco/plan.hpp"
 #include "harco/pose.hpp"

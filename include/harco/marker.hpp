@@ -1,5 +1,5 @@
 // What a HArCo marker is: a tree of square codes, each child filling one white cell of its parent,
-// and the file that describes it (markers.json).
+// or a part of a cell of any colour, and the file that describes it (markers.json).
 //
 // Lengths inside a marker are metres in the marker frame: origin at the top-left corner of the
 // layer-1 black square, x right, y down, z = x cross y into the plane.
@@ -32,6 +32,12 @@ struct Marker {
   int cell = -1;  ///< the parent's inner cell that this one fills (row-first); -1 on layer 1
   Code code;
   std::vector<Marker> children;
+
+  /// A child may be smaller than its cell: divided into parts x parts squares, the cell gives it
+  /// the one of index `part` (row-first). Such a child may stand in a black cell, too, as a white
+  /// square.
+  int parts = 1;
+  int part = 0;
 };
 
 /// A layer-1 marker with the one length that gives all others.
@@ -39,6 +45,9 @@ struct Parent {
   double side_m = 0.0;  ///< side of the black square
   Marker marker;
 };
+
+/// The most squares along a cell's side that it may be divided into.
+inline constexpr int kMostParts = 32;
 
 /// All that one detector looks for: the content of markers.json.
 struct MarkerSet {
@@ -58,9 +67,10 @@ struct PlacedMarker {
   int container =
       -1;         ///< index, in the same list, of the marker whose cell it fills; -1 on layer 1
   int cell = -1;  ///< that cell
+  int parts = 1;  ///< into so many parts along its sides the cell is divided
   Code code;
   Eigen::Vector2d origin_m = Eigen::Vector2d::Zero();  ///< its top-left corner
-  double side_m = 0.0;  ///< side of its full square (the cell that it fills)
+  double side_m = 0.0;  ///< side of its full square (the cell, or part of a cell, that it fills)
   Eigen::Vector2d grid_position = Eigen::Vector2d::Zero();  ///< section 3.3.4, in last-layer sides
 
   /// Side of one of its (n+2) x (n+2) cells.
@@ -70,14 +80,15 @@ struct PlacedMarker {
 };
 
 /// Every marker of every parent with its place, parents in order, each followed by its
-/// descendants layer by layer. Throws std::invalid_argument for a child in a cell that is not there
-/// or a side that is not positive and finite; the other rules are validate's.
+/// descendants layer by layer. Throws std::invalid_argument for a child in a cell or a part of one
+/// that is not there or a side that is not positive and finite; the other rules are validate's.
 std::vector<PlacedMarker> place(const MarkerSet& markers);
 
 /// Throws std::invalid_argument, naming the marker, if the set breaks a rule: no parents, a side
-/// that is not positive and finite, a child in a cell that is black, taken or not there, an id
-/// used twice among parents or among children, two markers whose codes can't be told apart, a
-/// line width outside [0, 0.25], no line though there are children, n outside 3 … 8.
+/// that is not positive and finite, a child in a cell that is taken or not there, or black and
+/// filled by more than a quarter, an id used twice among parents or among children, two markers
+/// whose codes can't be told apart, a line width outside [0, 0.25], no line though there are
+/// children, n outside 3 … 8.
 void validate(const MarkerSet& markers);
 
 /// Reads markers.json. Fields that it doesn't know are ignored. Throws Error if the file can't be

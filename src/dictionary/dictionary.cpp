@@ -1,18 +1,14 @@
 #include "harco/dictionary.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <iterator>
-#include <set>
 #include <stdexcept>
 
-#include "dictionary/bounds.hpp"
 #include "dictionary/demand.hpp"
+#include "dictionary/generation.hpp"
 #include "dictionary/monitor.hpp"
-#include "dictionary/mutation.hpp"
-#include "dictionary/search.hpp"
 #include "dictionary/turns.hpp"
 
 namespace harco {
@@ -20,41 +16,10 @@ namespace {
 
 constexpr int kMinCells = 4;
 constexpr int kMostLayers = 8;
-constexpr int kMostCodes = 20000;  // in one dictionary
-
-// What the two dictionaries may cost, in distances computed; half a second and two seconds or so.
-constexpr double kParentWork = 1.5e9;
-constexpr double kChildWork = 5e9;
-constexpr double kParentShare = 0.2;  // of the progress
-
-// So that the children don't depend on whether parents were generated before.
-constexpr std::uint64_t kChildSeed = 0x9e3779b97f4a7c15;
-
-[[noreturn]] void refuse(const std::string& what) {
-  throw std::invalid_argument("dictionary: " + what);
-}
 
 void check_cells(int cells) {
   if (cells < kMinCells || cells > Code::kMaxCells)
     refuse("cells must be 4 … 8, not " + std::to_string(cells));
-}
-
-void check_black(const BlackRange& black, int cells, const std::string& whose) {
-  const int size = cells * cells;
-  if (black.least < 1 || black.most >= size || black.least > black.most)
-    refuse("black cells of " + whose + " must be a range within 1 … " + std::to_string(size - 1) +
-           ", not " + std::to_string(black.least) + " … " + std::to_string(black.most));
-}
-
-void check_list(const std::vector<int>& list, int cells, const std::string& what) {
-  std::set<int> known;
-  for (const int cell : list) {
-    if (cell < 0 || cell >= cells * cells)
-      refuse(what + ": there is no cell " + std::to_string(cell) + " in " + std::to_string(cells) +
-             " x " + std::to_string(cells));
-    if (!known.insert(cell).second)
-      refuse(what + ": cell " + std::to_string(cell) + " stands twice");
-  }
 }
 
 /// n of layer-1 markers.
@@ -94,9 +59,7 @@ void check(const DictionaryOptions& options) {
     check_list(options.child_cells[i], i == 0 ? parent_cells(options) : options.cells, what);
   }
   check_list(options.white_cells, options.cells, "white cells");
-  if (!(options.effort > 0.0) || !std::isfinite(options.effort))
-    refuse("effort must be a positive number");
-  if (!(options.time_limit_s > 0.0)) refuse("time_limit_s must be a positive number of seconds");
+  check_search(options);
 }
 
 std::uint64_t mask(const std::vector<int>& cells) {
@@ -141,38 +104,6 @@ Demand child_demand(const DictionaryOptions& options, std::size_t in_first_layer
   }
   if (sum == 0) refuse("no child cell is white in any of the given parents");
   return demand;
-}
-
-/// Refuses what can't be, before any search.
-DistanceBound check(const Demand& demand, const std::optional<int>& wanted,
-                    const std::string& whose) {
-  const int size = demand.cells * demand.cells;
-  check_black(demand.black, demand.cells, whose);
-  for (const CodeGroup& group : demand.groups)
-    if (size - std::popcount(group.white) < demand.black.least)
-      refuse(whose + " need at least " + std::to_string(demand.black.least) +
-             " black cells, but their child cells leave only " +
-             std::to_string(size - std::popcount(group.white)));
-  DistanceBound bound = distance_bound(demand);
-  if (bound.distance < 1)
-    refuse("with these child cells and black cells, all codes of " + whose +
-           " look the same when turned");
-  if (wanted && (*wanted < 1 || *wanted > size))
-    refuse("the distance wanted of " + whose + " must be 1 … " + std::to_string(size) + ", not " +
-           std::to_string(*wanted));
-  if (wanted && *wanted > bound.distance)
-    refuse("distance " + std::to_string(*wanted) + " of " + whose + " is impossible: the " +
-           bound.reason + " allows " + std::to_string(bound.distance));
-  return bound;
-}
-
-CodeGroups generate(const Demand& demand, bool children, int most_distance,
-                    const DictionaryOptions& options, Monitor& monitor, int& reached) {
-  const std::uint64_t seed = children ? options.seed ^ kChildSeed : options.seed;
-  return options.method == DictionaryMethod::mutation
-             ? mutate_dictionary(demand, children, most_distance, options.effort, seed, monitor,
-                                 reached)
-             : search_dictionary(demand, most_distance, seed, monitor, reached);
 }
 
 /// Builds the tree: takes codes from every layer's list in order.
@@ -227,21 +158,6 @@ class TreeBuilder {
 
 }  // namespace
 
-std::vector<int> quincunx(int cells) {
-  check_cells(cells);
-  const int last = cells - 1;
-  const int middle = last / 2;
-  return {0, last, middle * cells + middle, last * cells, last * cells + last};
-}
-
-std::vector<int> checkerboard(int cells) {
-  check_cells(cells);
-  std::vector<int> list;
-  for (int cell = 0; cell < cells * cells; ++cell)
-    if ((cell / cells + cell % cells) % 2 == 0) list.push_back(cell);
-  return list;
-}
-
 BlackRange default_child_black(int cells) {
   check_cells(cells);
   const int most = 6 * (cells + 2) * (cells + 2) / 49;
@@ -276,7 +192,8 @@ Dictionary generate_dictionary(const DictionaryOptions& options,
   dictionary.child_cells = options.child_cells;
   dictionary.parents = options.given_parents;
   if (new_parents)
-    dictionary.parent_bound = check(parent_demand(options), options.parent_distance, "parents");
+    dictionary.parent_bound =
+        check_demand(parent_demand(options), options.parent_distance, "parents");
   dictionary.given_child_cells = options.given_child_cells;
   // All is checked before anything is searched.
   std::optional<Demand> children;
@@ -288,15 +205,15 @@ Dictionary generate_dictionary(const DictionaryOptions& options,
     else
       for (const auto& list : first_child_cells(dictionary)) in_first_layer += list.size();
     children = child_demand(options, in_first_layer);
-    dictionary.child_bound = check(*children, options.child_distance, "children");
+    dictionary.child_bound = check_demand(*children, options.child_distance, "children");
   }
 
   Monitor monitor(options.time_limit_s, callback);
   if (new_parents) {
     monitor.begin(0.0, has_children ? kParentShare : 1.0, kParentWork * options.effort);
     const int most = options.parent_distance.value_or(dictionary.parent_bound->distance);
-    dictionary.parents = generate(parent_demand(options), false, most, options, monitor,
-                                  monitor.progress().parent_distance)
+    dictionary.parents = search_codes(parent_demand(options), false, most, options, monitor,
+                                      monitor.progress().parent_distance)
                              .front();
   }
   dictionary.parent_distance = dictionary_distance(dictionary.parents);
@@ -305,7 +222,7 @@ Dictionary generate_dictionary(const DictionaryOptions& options,
     monitor.begin(new_parents ? kParentShare : 0.0, 1.0, kChildWork * options.effort);
     const int most = options.child_distance.value_or(dictionary.child_bound->distance);
     dictionary.children =
-        generate(*children, true, most, options, monitor, monitor.progress().child_distance);
+        search_codes(*children, true, most, options, monitor, monitor.progress().child_distance);
     dictionary.child_distance = dictionary_distance(joined(dictionary.children));
   }
   dictionary.iterations = monitor.iterations();

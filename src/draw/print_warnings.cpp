@@ -8,16 +8,21 @@
 namespace harco {
 namespace {
 
-bool share_edge(int a, int b, int cells) {
-  return std::abs(a / cells - b / cells) + std::abs(a % cells - b % cells) == 1;
+/// Whether two children of one marker have a piece of a side in common.
+bool share_edge(const PlacedMarker& a, const PlacedMarker& b) {
+  if (a.container != b.container || a.parent_index != b.parent_index) return false;
+  const double rounding = 1e-6 * std::min(a.side_m, b.side_m);
+  const Eigen::Vector2d apart =
+      ((a.origin_m - b.origin_m) + 0.5 * Eigen::Vector2d::Constant(a.side_m - b.side_m))
+          .cwiseAbs() -
+      0.5 * Eigen::Vector2d::Constant(a.side_m + b.side_m);
+  return std::abs(apart.maxCoeff()) < rounding && apart.minCoeff() < -rounding;
 }
 
-bool children_share_edge(const Marker& marker) {
-  for (const Marker& a : marker.children) {
-    if (children_share_edge(a)) return true;
-    for (const Marker& b : marker.children)
-      if (share_edge(a.cell, b.cell, marker.code.cells)) return true;
-  }
+bool children_share_edge(const std::vector<PlacedMarker>& placed) {
+  for (std::size_t i = 0; i < placed.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j)
+      if (placed[i].layer > 1 && share_edge(placed[i], placed[j])) return true;
   return false;
 }
 
@@ -26,7 +31,8 @@ bool children_share_edge(const Marker& marker) {
 std::vector<std::string> print_warnings(const MarkerSet& markers) {
   std::vector<std::string> warnings;
   double thinnest = kThinnestPrintedLine_m;
-  for (const PlacedMarker& marker : place(markers))
+  const std::vector<PlacedMarker> placed = place(markers);
+  for (const PlacedMarker& marker : placed)
     if (marker.layer > 1)
       thinnest = std::min(thinnest, marker.side_m * (markers.line.inside + markers.line.outside));
   if (thinnest < kThinnestPrintedLine_m)
@@ -34,8 +40,7 @@ std::vector<std::string> print_warnings(const MarkerSet& markers) {
                        " mm wide, which many printers don't draw well (less than " +
                        number(kThinnestPrintedLine_m * 1e3) +
                        " mm): take a larger side or fewer layers");
-  if (std::any_of(markers.parents.begin(), markers.parents.end(),
-                  [](const Parent& parent) { return children_share_edge(parent.marker); }))
+  if (children_share_edge(placed))
     warnings.emplace_back(
         "children share an edge, so the line of each runs into the other or is shared: they are "
         "found less well than children that touch at corners only");

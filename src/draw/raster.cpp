@@ -38,7 +38,7 @@ Grid grid_of(const MarkerSet& single) {
   for (const PlacedMarker& marker : placed) {
     const std::int64_t divisor =
         marker.layer == 1 ? 1
-                          : divisors[static_cast<std::size_t>(marker.container)] *
+                          : divisors[static_cast<std::size_t>(marker.container)] * marker.parts *
                                 (placed[static_cast<std::size_t>(marker.container)].code.cells + 2);
     divisors.push_back(divisor);
     const std::int64_t cells = divisor * (marker.code.cells + 2);

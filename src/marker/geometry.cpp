@@ -53,6 +53,24 @@ void for_each_bin(const Rect& r, double side, Visit visit) {
     for (int x = range.x0; x <= range.x1; ++x) visit(static_cast<std::size_t>(y * kBins + x));
 }
 
+/// What of disjoint rectangles `hole` leaves, in up to four pieces each.
+std::vector<Rect> without(const std::vector<Rect>& rects, const Rect& hole, double epsilon) {
+  std::vector<Rect> rest;
+  for (const Rect& from : rects) {
+    const Rect common = intersection(from, hole);
+    if (!has_area(common, epsilon)) {
+      rest.push_back(from);
+      continue;
+    }
+    for (const Rect& part :
+         {Rect{from.x0, from.y0, from.x1, common.y0}, Rect{from.x0, common.y1, from.x1, from.y1},
+          Rect{from.x0, common.y0, common.x0, common.y1},
+          Rect{common.x1, common.y0, from.x1, common.y1}})
+      if (has_area(part, epsilon)) rest.push_back(part);
+  }
+  return rest;
+}
+
 /// Gathers rectangles and keeps them disjoint: of a new one only the part counts that no earlier
 /// one covers.
 class Coat {
@@ -68,10 +86,7 @@ class Coat {
     std::sort(near.begin(), near.end());
     near.erase(std::unique(near.begin(), near.end()), near.end());
     for (const int index : near) {
-      const Rect earlier = rects_[static_cast<std::size_t>(index)];
-      std::vector<Rect> rest;
-      for (const Rect& piece : pieces) subtract(piece, earlier, rest);
-      pieces = std::move(rest);
+      pieces = without(pieces, rects_[static_cast<std::size_t>(index)], kNothing * side_);
     }
     for (const Rect& piece : pieces) keep(piece);
   }
@@ -79,20 +94,6 @@ class Coat {
   std::vector<Rect> take() { return std::move(rects_); }
 
  private:
-  void subtract(const Rect& from, const Rect& what, std::vector<Rect>& rest) const {
-    const double epsilon = kNothing * side_;
-    const Rect common = intersection(from, what);
-    if (!has_area(common, epsilon)) {
-      rest.push_back(from);
-      return;
-    }
-    for (const Rect& part :
-         {Rect{from.x0, from.y0, from.x1, common.y0}, Rect{from.x0, common.y1, from.x1, from.y1},
-          Rect{from.x0, common.y0, common.x0, common.y1},
-          Rect{common.x1, common.y0, from.x1, common.y1}})
-      if (has_area(part, epsilon)) rest.push_back(part);
-  }
-
   void keep(const Rect& rect) {
     const int index = static_cast<int>(rects_.size());
     rects_.push_back(rect);
@@ -111,14 +112,16 @@ std::vector<std::vector<int>> index_bins(const std::vector<Rect>& coat, double s
   return bins;
 }
 
-/// Whether `child` has a sibling whose cell touches its own at the corner that lies in the
-/// direction (dx, dy).
+/// Whether `child` has a sibling that touches it at the corner that lies in the direction (dx, dy).
 bool sibling_at_corner(const std::vector<PlacedMarker>& placed, const PlacedMarker& child, int dx,
                        int dy) {
-  const int n = placed[static_cast<std::size_t>(child.container)].code.cells;
+  const double just_outside = 0.5 + 1e-3;
+  const Eigen::Vector2d centre = child.origin_m + 0.5 * child.side_m * Eigen::Vector2d(1.0, 1.0);
+  const Eigen::Vector2d point = centre + just_outside * child.side_m * Eigen::Vector2d(dx, dy);
   return std::any_of(placed.begin(), placed.end(), [&](const PlacedMarker& other) {
-    return other.container == child.container && other.cell / n == child.cell / n + dy &&
-           other.cell % n == child.cell % n + dx;
+    const Rect square = square_of(other);
+    return other.container == child.container && square.x0 < point.x() && point.x() < square.x1 &&
+           square.y0 < point.y() && point.y() < square.y1;
   });
 }
 
@@ -142,6 +145,18 @@ std::vector<Rect> line_pieces(const std::vector<PlacedMarker>& placed, const Pla
   return pieces;
 }
 
+/// The ink of a black cell: all of it but the squares of children that stand there.
+std::vector<Rect> without_children(const std::vector<PlacedMarker>& placed, std::size_t container,
+                                   int cell) {
+  const PlacedMarker& marker = placed[container];
+  const int n = marker.code.cells;
+  std::vector<Rect> ink{cell_rect(marker, cell / n + 1, cell % n + 1)};
+  for (const PlacedMarker& child : placed)
+    if (child.container == static_cast<int>(container) && child.cell == cell)
+      ink = without(ink, square_of(child), kNothing * placed.front().side_m);
+  return ink;
+}
+
 std::vector<PlacedMarker> placed_of_parent(const MarkerSet& markers, int parent_index) {
   if (parent_index < 0 || parent_index >= static_cast<int>(markers.parents.size()))
     throw std::invalid_argument("ink_plan: there is no parent " + std::to_string(parent_index));
@@ -163,20 +178,23 @@ InkPlan ink_plan(const MarkerSet& markers, int parent_index) {
   for (int cell = 0; cell < n * n; ++cell)
     if (parent.code.white(cell))
       plan.white.push_back(cell_rect(parent, cell / n + 1, cell % n + 1));
+  for (const PlacedMarker& child : placed)
+    if (child.layer == 2 && !parent.code.white(child.cell)) plan.white.push_back(square_of(child));
 
   Coat black(parent.side_m);
   const auto add_on_white = [&](const Rect& ink) {
-    // White cells form a grid, so the clipped pieces are disjoint.
+    // White cells and squares are disjoint, and so are the clipped pieces.
     for (const Rect& white : plan.white) {
       const Rect clipped = intersection(ink, white);
       if (has_area(clipped, epsilon)) black.add(clipped);
     }
   };
-  for (const PlacedMarker& child : placed) {
-    if (child.layer == 1) continue;
+  for (std::size_t index = 1; index < placed.size(); ++index) {
+    const PlacedMarker& child = placed[index];
     const int m = child.code.cells;
     for (int cell = 0; cell < m * m; ++cell)
-      if (!child.code.white(cell)) add_on_white(cell_rect(child, cell / m + 1, cell % m + 1));
+      if (!child.code.white(cell))
+        for (const Rect& ink : without_children(placed, index, cell)) add_on_white(ink);
     for (const Rect& piece : line_pieces(placed, child, markers.line))
       if (has_area(piece, epsilon)) add_on_white(piece);
   }

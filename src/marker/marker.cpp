@@ -10,26 +10,43 @@
 namespace harco {
 namespace {
 
+// Black cells whose children make more of it white could be read as white ones.
+constexpr double kMostWhiteInBlack = 0.25;
+
 int depth(const Marker& marker) {
   int deepest = 0;
   for (const Marker& child : marker.children) deepest = std::max(deepest, depth(child));
   return deepest + 1;
 }
 
+bool is_part(const Marker& child) {
+  return child.parts >= 1 && child.parts <= kMostParts && child.part >= 0 &&
+         child.part < child.parts * child.parts;
+}
+
+std::string part_name(const Marker& child) {
+  return "part " + std::to_string(child.part) + " of a cell of " + std::to_string(child.parts) +
+         " x " + std::to_string(child.parts);
+}
+
 PlacedMarker place_child(const PlacedMarker& container, int container_index, const Marker& child) {
   const int n = container.code.cells;
   if (child.cell < 0 || child.cell >= container.code.size())
     throw std::invalid_argument("place: there is no cell " + std::to_string(child.cell));
+  if (!is_part(child)) throw std::invalid_argument("place: " + part_name(child) + " is not there");
   PlacedMarker placed;
   placed.parent_index = container.parent_index;
   placed.layer = container.layer + 1;
   placed.id = child.id;
   placed.container = container_index;
   placed.cell = child.cell;
+  placed.parts = child.parts;
   placed.code = child.code;
-  placed.side_m = container.cell_side_m();
+  placed.side_m = container.cell_side_m() / child.parts;
   placed.origin_m =
-      container.origin_m + placed.side_m * Eigen::Vector2d(child.cell % n + 1, child.cell / n + 1);
+      container.origin_m +
+      container.cell_side_m() * Eigen::Vector2d(child.cell % n + 1, child.cell / n + 1) +
+      placed.side_m * Eigen::Vector2d(child.part % child.parts, child.part / child.parts);
   return placed;
 }
 
@@ -88,6 +105,32 @@ void validate_cells(int cells, const std::string& who) {
     throw std::invalid_argument(who + ": cells must be 3 … 8, not " + std::to_string(cells));
 }
 
+/// What the children met so far take of one cell.
+struct CellUse {
+  int parts = 0;
+  std::set<int> taken;
+};
+
+void validate_place(const Marker& child, const Code& code, std::map<int, CellUse>& used,
+                    const std::string& whose) {
+  const std::string cell = "cell " + std::to_string(child.cell);
+  if (child.cell < 0 || child.cell >= code.size())
+    throw std::invalid_argument(whose + ": there is no " + cell);
+  if (!is_part(child))
+    throw std::invalid_argument(whose + ": " + part_name(child) + " is not there");
+  CellUse& use = used[child.cell];
+  if (use.parts != 0 && use.parts != child.parts)
+    throw std::invalid_argument(whose + ": " + cell + " is divided in two ways");
+  use.parts = child.parts;
+  if (!use.taken.insert(child.part).second)
+    throw std::invalid_argument(whose + ": " + (child.parts == 1 ? cell : part_name(child)) +
+                                " is taken");
+  if (!code.white(child.cell) &&
+      static_cast<double>(use.taken.size()) > kMostWhiteInBlack * child.parts * child.parts)
+    throw std::invalid_argument(whose + ": " + cell + " is black" +
+                                (child.parts == 1 ? "" : " and has too many children"));
+}
+
 void validate_marker(const Marker& marker, int layer, Known& parents, Known& children) {
   const std::string who = name(marker, layer);
   const Code& code = marker.code;
@@ -106,15 +149,9 @@ void validate_marker(const Marker& marker, int layer, Known& parents, Known& chi
     throw std::invalid_argument(who + ": its code is that of " + std::to_string(other->second) +
                                 ", perhaps turned");
 
-  std::set<int> taken;
+  std::map<int, CellUse> used;
   for (const Marker& child : marker.children) {
-    const std::string whose = name(child, layer + 1) + " in " + who;
-    if (child.cell < 0 || child.cell >= code.size())
-      throw std::invalid_argument(whose + ": there is no cell " + std::to_string(child.cell));
-    if (!code.white(child.cell))
-      throw std::invalid_argument(whose + ": cell " + std::to_string(child.cell) + " is black");
-    if (!taken.insert(child.cell).second)
-      throw std::invalid_argument(whose + ": cell " + std::to_string(child.cell) + " is taken");
+    validate_place(child, code, used, name(child, layer + 1) + " in " + who);
     validate_marker(child, layer + 1, parents, children);
   }
 }

@@ -51,6 +51,10 @@ Marker read_marker(const Json& json, int set_cells, int layer) {
   marker.id = whole(field(json, "id", kind), "'id'");
   const std::string who = (layer == 1 ? "parent " : "child ") + std::to_string(marker.id);
   if (layer > 1) marker.cell = whole(field(json, "cell", who), who + ": 'cell'");
+  if (json.contains("parts")) {
+    marker.parts = whole(json["parts"], who + ": 'parts'");
+    marker.part = whole(field(json, "part", who), who + ": 'part'");
+  }
   const int cells = json.contains("cells") ? whole(json["cells"], who + ": 'cells'") : set_cells;
   const Json& code = field(json, "code", who);
   if (!code.is_string()) throw Wrong(who + ": 'code' is not a string");
@@ -138,6 +142,10 @@ std::string format_markers(const MarkerSet& markers) {
     const PlacedMarker& at = placed[index];
     Json out;
     if (at.layer > 1) out["cell"] = marker.cell;
+    if (marker.parts > 1) {
+      out["parts"] = marker.parts;
+      out["part"] = marker.part;
+    }
     out["id"] = marker.id;
     if (marker.code.cells != markers.cells) out["cells"] = marker.code.cells;
     out["code"] = to_string(marker.code);
