@@ -56,7 +56,9 @@ double mean(const std::vector<double>& values) {
 int main(int argc, char** argv) {
   if (argc < 2) {
     std::fprintf(stderr,
-                 "usage: range MARKERS.json [NEAR_M FAR_M [FRAMES_A_STRETCH [OFFSET_SHARE]]]\n");
+                 "usage: range MARKERS.json [NEAR_M FAR_M [FRAMES_A_STRETCH [AIM [TILT_DEG]]]]\n"
+                 "AIM: how far beside the centre the camera aims, in sides (0); tilted up to "
+                 "TILT_DEG (15)\n");
     return 2;
   }
   const MarkerSet markers = load_markers(argv[1]);
@@ -64,6 +66,7 @@ int main(int argc, char** argv) {
   const double far_m = argc > 3 ? std::atof(argv[3]) : 35.0;
   const int frames = argc > 4 ? std::atoi(argv[4]) : 40;
   const double offset = argc > 5 ? std::atof(argv[5]) : 0.0;
+  const double tilt_deg = argc > 6 ? std::atof(argv[6]) : 15.0;
   const double side = markers.parents.front().side_m;
   const Camera camera = Camera::pinhole(750, 480, 700.0);
   DetectorOptions options;
@@ -73,6 +76,8 @@ int main(int argc, char** argv) {
   std::printf("%15s | %6s %-7s | %21s | %21s | %6s | %21s\n", "distance m", "pose %", "layers",
               "joint: dist % med/max", "rot deg med/max", "NEES", "paper: % / deg, max");
   const int stretches = 14;
+  int gapless = 0;  // the longest run of stretches with a pose in every frame
+  int run = 0;
   for (int i = 0; i < stretches; ++i) {
     const double from = near_m * std::pow(far_m / near_m, double(i) / stretches);
     const double to = near_m * std::pow(far_m / near_m, (i + 1.0) / stretches);
@@ -90,7 +95,7 @@ int main(int argc, char** argv) {
       const Eigen::Vector2d aim(0.5 + offset * (2.0 * unit(random) - 1.0),
                                 0.5 + offset * (2.0 * unit(random) - 1.0));
       const Eigen::Isometry3d truth = lab::look_at_marker(
-          side * aim, distance, 15.0 * kDegree * unit(random),
+          side * aim, distance, tilt_deg * kDegree * unit(random),
           2.0 * std::numbers::pi * unit(random), 2.0 * std::numbers::pi * unit(random));
       scene.parents = {{0, truth}};
       const Image image = lab::render(scene, markers, random());
@@ -104,6 +109,8 @@ int main(int argc, char** argv) {
       const auto fused = estimate_poses(image.view(), detections, markers, camera, {Fusion::paper});
       if (!fused.empty()) paper.add(fused.front(), truth);
     }
+    run = posed == frames ? run + 1 : 0;
+    gapless = std::max(gapless, run);
     std::string used;
     for (const int layer : layers) used += std::to_string(layer);
     std::printf(
@@ -114,5 +121,7 @@ int main(int argc, char** argv) {
         quantile(paper.distance_percent, 1.0), quantile(paper.rotation_deg, 1.0));
     std::fflush(stdout);
   }
+  std::printf("a pose in every frame over a range ratio of %.0f\n",
+              std::pow(far_m / near_m, double(gapless) / stretches));
   return 0;
 }

@@ -56,23 +56,26 @@ TEST(UniformLayout, HasTheChildrenAskedFor) {
 }
 
 TEST(Carpet, CountsByHand) {
-  // 25 cells, 13 of them with a child that has nine; the other 12 have nine each.
-  EXPECT_EQ(place(without_codes(carpet(5), 1, 1.0)).size(), 1U + 13U + 225U);
-  // 36 cells, 18 with a child.
-  EXPECT_EQ(place(without_codes(carpet(6), 2, 1.0)).size(), 2U * (1U + 18U + 324U));
+  // 13 of 25 cells have a child that has nine; the other 12 have eight and one that has one.
+  EXPECT_EQ(place(without_codes(carpet(5), 1, 1.0)).size(), 1U + 13U * 10U + 12U * 10U);
+  // 18 and 18 of 36.
+  EXPECT_EQ(place(without_codes(carpet(6), 2, 1.0)).size(), 2U * (1U + 36U * 10U));
 }
 
-TEST(Carpet, SmallChildrenStandTwoSidesApartOverAllInnerCells) {
+TEST(Carpet, SmallChildrenStandTwoSidesApart) {
   // A parent of 63 m: cells of 9 m from 9 to 54, small children of 1 m in every third metre.
   std::set<std::pair<int, int>> places;
   for (const PlacedMarker& marker : place(without_codes(carpet(5), 1, 63.0))) {
-    if (marker.side_m > 8.0) continue;
-    EXPECT_NEAR(marker.side_m, 1.0, 1e-9);
+    if (std::abs(marker.side_m - 1.0) > 1e-9) continue;
     places.emplace(std::lround(marker.origin_m.x()), std::lround(marker.origin_m.y()));
   }
   std::set<std::pair<int, int>> expected;
   for (int x = 10; x < 54; x += 3)
-    for (int y = 10; y < 54; y += 3) expected.emplace(x, y);
+    for (int y = 10; y < 54; y += 3) {
+      // The middles of every other cell hold a larger one.
+      const bool middle = x % 9 == 4 && y % 9 == 4;
+      if (!middle || (x / 9 + y / 9) % 2 == 0) expected.emplace(x, y);
+    }
   EXPECT_EQ(places, expected);
 }
 
@@ -81,7 +84,7 @@ TEST(Carpet, CodesAreDifferentAndAsFarApartAsReported) {
   ASSERT_EQ(made.dictionaries.size(), 3U);
   EXPECT_EQ(made.dictionaries[0].count, 2);
   EXPECT_EQ(made.dictionaries[1].count, 450);
-  EXPECT_EQ(made.dictionaries[2].count, 26);
+  EXPECT_EQ(made.dictionaries[2].count, 50);
   std::vector<std::vector<Code>> codes(3);
   std::set<int> ids;
   for (const PlacedMarker& marker : place(made.markers)) {
@@ -92,7 +95,7 @@ TEST(Carpet, CodesAreDifferentAndAsFarApartAsReported) {
     EXPECT_GE(marker.code.black_count(), black.least);
     EXPECT_LE(marker.code.black_count(), black.most);
   }
-  EXPECT_EQ(*ids.rbegin(), 475);
+  EXPECT_EQ(*ids.rbegin(), 499);
   for (std::size_t i = 0; i < 3; ++i)
     EXPECT_EQ(dictionary_distance(codes[i]), made.dictionaries[i].distance);
   EXPECT_GE(made.dictionaries[1].distance, 3);
@@ -165,9 +168,9 @@ TEST(Carpet, ParentStaysReadable) {
   for (int cell = 0; cell < 25; ++cell) {
     const double share = cells[static_cast<std::size_t>((cell / 5 + 1) * 7 + cell % 5 + 1)];
     if (code.white(cell)) {
-      EXPECT_GT(share, 0.65) << cell;  // between four children: their lines alone take 0.27
+      EXPECT_GT(share, 0.6) << cell;  // between four children: their lines alone take 0.27
     } else {
-      EXPECT_LT(share, 0.12) << cell;
+      EXPECT_LT(share, 0.2) << cell;
     }
   }
 }
@@ -206,11 +209,11 @@ TEST(GenerateCodes, RefusesWhatCannotBe) {
 }
 
 TEST(GenerateCodes, CarpetDrawsExactly) {
-  // Small children of 14 pixels have lines of one; 63 of them along the side.
+  // The smallest, of 14 pixels, have lines of one; 189 of them along the side.
   RasterOptions options;
   options.min_size_px = 0;
   const Raster drawn = raster(coded_carpet(), 0, options);
-  EXPECT_EQ(drawn.image.width, 63 * 14 * 9 / 7);
+  EXPECT_EQ(drawn.image.width, 189 * 14 * 9 / 7);
   EXPECT_EQ(drawn.line.outside, 1.0 / 14.0);
   EXPECT_TRUE(print_warnings(coded_carpet()).empty());
 }

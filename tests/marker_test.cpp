@@ -100,6 +100,10 @@ TEST(Place, AChildMayFillAPartOfACell) {
   EXPECT_NEAR(child.origin_m.y(), (2.0 + 2.0 / 3.0) * cell, 1e-12);
   EXPECT_EQ(child.grid_position, Eigen::Vector2d(7, 8));
   EXPECT_EQ(child.parts, 3);
+
+  // Beside it, one of a ninth: row 2, column 8.
+  set.parents[0].marker.children.push_back({2, 6, code_with_black({1, 2, 5}), {}, 9, 26});
+  EXPECT_NO_THROW(validate(set));
 }
 
 TEST(Place, RefusesCellsThatAreNotThere) {
@@ -185,12 +189,15 @@ TEST(Validate, NamesTheMarkerAndTheRule) {
          child(s).parts = second(s).parts = 2;
          second(s).cell = 0;
        }},
-      {"child 3 in parent 0: cell 0 is divided in two ways",
+      {"child 3 in parent 0: part 4 of a cell of 3 x 3 is taken",
        [&](auto& s) {
-         second(s).parts = 2;
+         child(s).parts = 9;
+         child(s).part = 9 * 3 + 5;  // the right-hand top corner of the middle third
          second(s).cell = 0;
+         second(s).parts = 3;
+         second(s).part = 4;
        }},
-      {"child 3 in parent 0: cell 1 is black and has too many children",
+      {"child 7 in parent 0: cell 1 is black and has too much in it",
        [&](auto& s) {
          child(s).cell = second(s).cell = 1;
          child(s).parts = second(s).parts = 2;

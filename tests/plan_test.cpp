@@ -262,7 +262,7 @@ TEST(CarriedWhiteShare, IsALeastValueForALineOutside) {
 
 // --- Planner ------------------------------------------------------------------------------------
 
-/// 1.6 m on a 750 x 480 camera of f = 700 px, from 0.1 to 35 m.
+/// 1.6 m on a 750 x 480 camera of f = 700 px, from 0.1 to 35 m, over the centre.
 PlanRequest example() {
   PlanRequest request;
   request.nearest_m = 0.1;
@@ -271,6 +271,8 @@ PlanRequest example() {
   request.height_px = 480;
   request.focal_px = 700.0;
   request.side_m = 1.6;
+  request.aim = 0.0;
+  request.parent_px = 16.0;
   return request;
 }
 
@@ -284,7 +286,8 @@ TEST(Plan, ThreeLayersByHand) {
   const Plan planned = plan(example());
   ASSERT_EQ(planned.layers.size(), 3U);
   EXPECT_EQ(planned.most_black, 6);
-  EXPECT_EQ(planned.most_children, 5);
+  EXPECT_EQ(planned.layout, LayoutKind::quincunx);
+  EXPECT_EQ(planned.markers, 31);
 
   const PlanLayer& parent = planned.layers[0];
   EXPECT_DOUBLE_EQ(parent.side_m, 1.6);
@@ -342,7 +345,7 @@ TEST(Plan, NumberOfLayersIsThatOfEquation4) {
     request.farthest_m = request.nearest_m * (1.5 + 5000.0 * unit(random));
     request.side_m = request.farthest_m * request.parent_px / request.focal_px;
     const int expected = layers_needed(request.nearest_m, request.farthest_m,
-                                       1.0 / (request.cells + 2), request.parent_px, 432.0);
+                                       1.0 / (*request.cells + 2), request.parent_px, 432.0);
     EXPECT_EQ(static_cast<int>(plan(request).layers.size()), expected);
   }
 }
@@ -444,12 +447,14 @@ TEST(Plan, WarnsOfThinLines) {
 TEST(Plan, WarnsOfDarkCells) {
   PlanRequest request = example();
   EXPECT_FALSE(find(plan(request), PlanConcern::dark_cells));
-  // w_1 = 0.8, w_2 = 0.8 - 0.2 (0.2 + 0.306) = 0.699.
-  request.alpha = request.beta.emplace(0.2);
+  // 13 of 49 cells: w_1 = 0.8, w_2 = 0.8 - 0.265 (0.2 + 0.306) = 0.666.
+  request.alpha = 0.2;
+  request.layout = LayoutKind::checkerboard;
   const Plan low = plan(request);
   ASSERT_TRUE(find(low, PlanConcern::dark_cells));
   EXPECT_EQ(find(low, PlanConcern::dark_cells)->severity, PlanSeverity::warning);
-  request.beta = 0.5;
+  // w_1 = 0.7, w_2 = 0.7 - 0.265 (0.3 + 0.306) = 0.539.
+  request.alpha = 0.3;
   EXPECT_EQ(find(plan(request), PlanConcern::dark_cells)->severity, PlanSeverity::serious);
 }
 
@@ -502,9 +507,17 @@ TEST(Plan, RefusesWhatMakesNoSense) {
       [](auto& r) { r.alpha = 1.0; },
       [&](auto& r) { r.alpha = nan; },
       [](auto& r) { r.alpha = 0.99 / 49.0; },
-      [](auto& r) { r.beta = 0.99 / 49.0; },
-      [](auto& r) { r.beta = 0.0; },
-      [](auto& r) { r.beta = 1.5; },
+      [](auto& r) { r.aim = -0.1; },
+      [](auto& r) { r.aim = 0.6; },
+      [&](auto& r) { r.aim = nan; },
+      [](auto& r) {
+        r.layout = LayoutKind::carpet;
+        r.layers = 2;
+      },
+      [](auto& r) {
+        r.layout = LayoutKind::checkerboard;
+        r.layers = 6;
+      },
       [](auto& r) { r.parent_px = 0.0; },
       [&](auto& r) { r.child_px = nan; },
       [](auto& r) { r.child_px = 500.0; },
@@ -522,6 +535,64 @@ TEST(Plan, RefusesWhatMakesNoSense) {
     wrongs[i](request);
     EXPECT_THROW(plan(request), std::invalid_argument) << "case " << i;
   }
+}
+
+// --- Layouts ------------------------------------------------------------------------------------
+
+PlanRequest beside(double nearest_m, double farthest_m) {
+  PlanRequest request = example();
+  request.side_m.reset();
+  request.aim = 0.35;
+  request.parent_px = 14.0;
+  request.nearest_m = nearest_m;
+  request.farthest_m = farthest_m;
+  return request;
+}
+
+TEST(Plan, TakesTheFewestMarkersThatServeBesideTheCentre) {
+  // Ratios of 10, 40, 60, 120 and 400 need ever more of them.
+  struct Case {
+    double nearest_m;
+    LayoutKind layout;
+    int markers;
+  };
+  for (const Case& expected : {Case{4.0, LayoutKind::quincunx, 1},
+                               {1.0, LayoutKind::quincunx, 6},
+                               {0.67, LayoutKind::checkerboard, 14},
+                               {0.34, LayoutKind::checkerboard, 183},
+                               {0.1, LayoutKind::carpet, 251}}) {
+    const PlanRequest request = beside(expected.nearest_m, 40.0);
+    const Plan planned = plan(request);
+    EXPECT_EQ(planned.layout, expected.layout) << expected.nearest_m;
+    EXPECT_EQ(planned.markers, expected.markers) << expected.nearest_m;
+    EXPECT_LE(planned.beside.nearest_m, expected.nearest_m);
+    EXPECT_LT(planned.centred.nearest_m, planned.beside.nearest_m);
+    EXPECT_GE(planned.beside.farthest_m, 40.0);
+    EXPECT_FALSE(find(planned, PlanConcern::off_axis));
+  }
+}
+
+TEST(Plan, CarpetByHand) {
+  PlanRequest request = beside(0.1, 40.0);
+  request.side_m = 0.63;
+  request.layout = LayoutKind::carpet;
+  request.cells = 5;
+  const Plan planned = plan(request);
+  ASSERT_EQ(planned.layers.size(), 3U);
+  EXPECT_NEAR(planned.layers[1].side_m, 0.09, 1e-12);
+  EXPECT_EQ(planned.layers[1].cells, 7);
+  EXPECT_NEAR(planned.layers[2].side_m, 0.01, 1e-12);
+  EXPECT_EQ(planned.layers[2].cells, 5);
+  // w_1 = 1 - 6/49, w_2 = w_1 - 1/9 (6/49 + 15/49).
+  EXPECT_NEAR(*planned.layers[0].white_share, 0.877551 - 0.428571 / 9.0, 1e-6);
+}
+
+TEST(Plan, SaysFromWhereOnTheBestLayoutServes) {
+  const Plan planned = plan(beside(0.02, 40.0));
+  EXPECT_EQ(planned.layout, LayoutKind::carpet);
+  const auto warning = find(planned, PlanConcern::off_axis);
+  ASSERT_TRUE(warning);
+  EXPECT_EQ(warning->severity, PlanSeverity::warning);
 }
 
 TEST(Plan, ConcernsAndSeveritiesHaveNames) {

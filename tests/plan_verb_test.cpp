@@ -11,7 +11,9 @@
 namespace harco::test {
 namespace {
 
-const std::string kExample = "plan --near 0.1 --far 35 --size 750x480 --focal 700 --side 1.6 ";
+const std::string kExample =
+    "plan --near 0.1 --far 35 --size 750x480 --focal 700 --side 1.6 "
+    "--aim 0 --parent-px 16 ";
 
 nlohmann::json json_of(const std::string& arguments) {
   const CommandResult result = run_harco(arguments + " --json");
@@ -65,8 +67,24 @@ TEST(PlanVerb, FieldOfViewFocalLengthAndCameraFileAgree) {
 }
 
 TEST(PlanVerb, AsksForTheSideThatIsNeeded) {
-  // 35 * 16 / 700 = 0.8 m.
-  EXPECT_DOUBLE_EQ(json_of("plan --near 0.1 --far 35 --size 750x480 --focal 700")["side_m"], 0.8);
+  // 35 * 14 / 700 = 0.7 m.
+  EXPECT_DOUBLE_EQ(json_of("plan --near 0.1 --far 35 --size 750x480 --focal 700")["side_m"], 0.7);
+}
+
+TEST(PlanVerb, RecommendsALayoutForViewsBesideTheCentre) {
+  const std::string wanted = "plan --near 0.1 --far 35 --size 750x480 --focal 700 ";
+  const auto json = json_of(wanted);
+  EXPECT_EQ(json["layout"], "carpet");
+  EXPECT_EQ(json["markers"], 251);
+  EXPECT_EQ(json["command"],
+            "harco generate --layers 3 --parents 1 --side 0.7 --out marker --children carpet");
+  EXPECT_LE(json["beside"]["nearest_m"], 0.1);
+  EXPECT_GE(json["beside"]["farthest_m"], 35.0);
+  const CommandResult table = run_harco(wanted);
+  EXPECT_TRUE(contains(table.output, "Layout: carpet, 251 markers\n")) << table.output;
+  EXPECT_TRUE(contains(table.output, "up to  35% of the side beside:  0.0")) << table.output;
+  // Over the centre, the paper's layout does.
+  EXPECT_EQ(json_of(wanted + "--aim 0")["layout"], "quincunx");
 }
 
 TEST(PlanVerb, NextCommandCarriesWhatDiffersFromTheDefault) {
@@ -76,22 +94,22 @@ TEST(PlanVerb, NextCommandCarriesWhatDiffersFromTheDefault) {
             "--line-inside 0.03125 --line-outside 0.05");
 }
 
-TEST(PlanVerb, NextCommandKeepsToAlphaAndBeta) {
+TEST(PlanVerb, NextCommandKeepsToAlphaAndLayout) {
   const std::string plain = "harco generate --layers 3 --parents 1 --side 1.6 --out marker";
   // 0.09 * 49 = 4.41 black cells.
   EXPECT_EQ(json_of(kExample + "--alpha 0.09")["command"], plain + " --max-black 4");
-  // 0.27 * 49 = 13.2 children, 0.15 * 49 = 7.35, 0.07 * 49 = 3.43.
-  EXPECT_EQ(json_of(kExample + "--beta 0.27")["command"], plain + " --children checkerboard");
-  EXPECT_EQ(json_of(kExample + "--beta 0.15")["command"], plain);
-  EXPECT_EQ(json_of(kExample + "--beta 0.07")["command"], plain + " --children 12,0,24");
+  EXPECT_EQ(json_of(kExample + "--layout checkerboard")["command"],
+            plain + " --children checkerboard");
+  EXPECT_EQ(json_of(kExample + "--layout carpet --cells 6")["command"],
+            plain + " --cells 6 --children carpet");
   // One layer has no children.
-  const auto single = json_of(kExample + "--beta 0.07 --alpha 0.09 --layers 1");
+  const auto single = json_of(kExample + "--alpha 0.09 --layers 1");
   EXPECT_EQ(single["command"], "harco generate --layers 1 --parents 1 --side 1.6 --out marker");
 }
 
 TEST(PlanVerb, WarnsInTheTable) {
   const CommandResult result =
-      run_harco("plan --near 0.1 --far 35 --size 750x480 --focal 700 --side 0.5");
+      run_harco("plan --near 0.1 --far 35 --size 750x480 --focal 700 --side 0.5 --parent-px 16");
   EXPECT_EQ(result.status, 0);
   EXPECT_TRUE(contains(result.output, "\nserious: the parent is detected only up to 21.9 m"))
       << result.output;
@@ -110,7 +128,8 @@ TEST(PlanVerb, DrawsAChart) {
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
 
   const CommandResult gap = run_harco(
-      "plan --near 0.02 --far 100 --size 320x240 --focal 280 --cells 8 --child-px 24 --plot " +
+      "plan --near 0.02 --far 100 --size 320x240 --focal 280 --cells 8 --child-px 24 --aim 0 "
+      "--plot " +
       (folder / "gap.svg").string());
   EXPECT_EQ(gap.status, 0) << gap.errors;
   EXPECT_TRUE(contains(read_file(folder / "gap.svg"), ">gap: 6.67 m to 7.41 m<"));
@@ -143,8 +162,9 @@ TEST(PlanVerb, RefusesWhatMakesNoSenseInOneLine) {
   expect_refused(range + "--camera /nowhere/camera.yaml", "/nowhere/camera.yaml");
   expect_refused(range + "--camera a.yaml " + camera, "--camera");
   expect_refused(kExample + "--alpha 1", "alpha");
-  expect_refused(kExample + "--beta 0", "beta");
-  expect_refused(kExample + "--beta nan", "beta");
+  expect_refused(kExample + "--layout rug", "--layout");
+  expect_refused(kExample + "--layout carpet --layers 2", "carpet has 3");
+  expect_refused(range + camera + "--aim 0.7", "aim");
   expect_refused(range + camera + "--side 0", "side");
   expect_refused(range + camera + "--side nan", "side");
   expect_refused(kExample + "--cells 3", "cells");

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <numbers>
 #include <optional>
@@ -85,12 +86,25 @@ void add_camera_options(CLI::App& verb, PlanOptions& options) {
   camera->excludes(size)->excludes("--fov")->excludes("--focal");
 }
 
+std::map<std::string, LayoutKind> layout_names() {
+  std::map<std::string, LayoutKind> names;
+  for (const LayoutKind kind : {LayoutKind::quincunx, LayoutKind::checkerboard, LayoutKind::carpet})
+    names[to_string(kind)] = kind;
+  return names;
+}
+
 void add_marker_options(CLI::App& verb, PlanRequest& request) {
   verb.add_option("--side", request.side_m,
                   "Side of the parent's black square in metres; if not given, the least needed");
+  verb.add_option("--layout", request.layout,
+                  "quincunx (5 children a marker), checkerboard (13) or carpet (all over the "
+                  "marker); if not given, the one with the fewest markers that serves")
+      ->transform(CLI::CheckedTransformer(layout_names()).description(""))
+      ->type_name("NAME");
   verb.add_option("--layers", request.layers,
                   "Number of layers, 1-8; if not given, the least needed");
-  verb.add_option("--cells", request.cells, "n of n x n cells, 4-8")->capture_default_str();
+  verb.add_option("--cells", request.cells,
+                  "n of n x n cells, 4-8; if not given 5, or 6 where a carpet has to be finer");
   verb.add_option("--line-inside", request.line.inside,
                   "Line around children inside their square, share of their side")
       ->capture_default_str();
@@ -98,16 +112,15 @@ void add_marker_options(CLI::App& verb, PlanRequest& request) {
       ->capture_default_str();
   verb.add_option("--alpha", request.alpha, "Greatest black share of a child")
       ->capture_default_str();
-  verb.add_option("--beta", request.beta,
-                  "Greatest share of a marker's cells that carry children [5/(n+2)^2]");
 }
 
 void add_detection_options(CLI::App& verb, PlanOptions& options) {
   verb.add_option("--parent-px", options.request.parent_px,
-                  "Least side of a parent in the image, in pixels (found from 15-16 frontally)")
+                  "Least side of a parent in the image, in pixels (found from 12 frontally, from "
+                  "14 at 45 degrees)")
       ->capture_default_str();
   verb.add_option("--child-px", options.request.child_px,
-                  "The same of a child (found from 16-20 frontally)")
+                  "The same of a child (found from 14 frontally, from 20 at 45 degrees)")
       ->capture_default_str();
   verb.add_option("--usable", options.request.usable_share,
                   "Share of the image's smaller dimension that a marker may fill")
@@ -124,6 +137,10 @@ void add_plan(CLI::App& app) {
   const auto options = std::make_shared<PlanOptions>();
   verb->add_option("--near", options->request.nearest_m, "Nearest distance in metres")->required();
   verb->add_option("--far", options->request.farthest_m, "Farthest distance in metres")->required();
+  verb->add_option("--aim", options->request.aim,
+                   "How far beside the marker's centre the camera may aim, along both axes, as a "
+                   "share of the side; 0 plans for a camera over the centre")
+      ->capture_default_str();
   add_camera_options(*verb, *options);
   add_marker_options(*verb, options->request);
   add_detection_options(*verb, *options);

@@ -153,7 +153,7 @@ std::string plan_chart(const PlanRequest& request, const Plan& plan) {
   std::string svg = fmt::format(kHead, kWidth, frame.bottom + kAxisHeight);
   text(svg, kLeft, 36.0, "title",
        fmt::format("Distances that each layer serves: side {} m, {} x {} cells, f = {} px",
-                   plan.side_m, request.cells, request.cells, significant(request.focal_px, 3)));
+                   plan.side_m, plan.cells, plan.cells, significant(request.focal_px, 3)));
   draw_wanted_range(svg, frame, request);
   draw_axis(svg, frame);
   for (std::size_t row = 0; row + 1 < plan.layers.size(); ++row)

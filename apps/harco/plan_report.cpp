@@ -15,33 +15,24 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// The children that beta allows, as generate takes them: its own quincunx unless that has too many
-/// or a checkerboard fits. Of a quincunx the centre comes first, then opposite corners.
-std::string children_option(int cells, int most_children) {
-  if (most_children >= static_cast<int>(checkerboard(cells).size()))
-    return " --children checkerboard";
-  const std::vector<int> all = quincunx(cells);
-  if (most_children >= static_cast<int>(all.size())) return "";
-  std::string list;
-  for (const std::size_t index : {2U, 0U, 4U, 1U})
-    if (most_children-- > 0) list += fmt::format("{}{}", list.empty() ? "" : ",", all.at(index));
-  return " --children " + list;
-}
+/// What generate takes unless it is told otherwise.
+constexpr int kGenerateCells = 5;
 
 /// What the user runs next: only what differs from generate's own defaults is said.
 std::string generate_command(const PlanRequest& request, const Plan& plan) {
   std::string command = fmt::format("harco generate --layers {} --parents 1 --side {} --out marker",
                                     plan.layers.size(), plan.side_m);
-  if (request.cells != PlanRequest{}.cells) command += fmt::format(" --cells {}", request.cells);
+  if (plan.cells != kGenerateCells) command += fmt::format(" --cells {}", plan.cells);
   if (plan.layers.size() == 1) return command;
   const LineWidth standard;
   if (request.line.inside != standard.inside)
     command += fmt::format(" --line-inside {}", request.line.inside);
   if (request.line.outside != standard.outside)
     command += fmt::format(" --line-outside {}", request.line.outside);
-  if (plan.most_black != default_child_black(request.cells).most)
+  if (plan.most_black != default_child_black(plan.cells).most)
     command += fmt::format(" --max-black {}", plan.most_black);
-  if (request.beta) command += children_option(request.cells, plan.most_children);
+  if (plan.layout != LayoutKind::quincunx)
+    command += fmt::format(" --children {}", to_string(plan.layout));
   return command;
 }
 
@@ -57,6 +48,27 @@ std::string row(const PlanLayer& layer) {
                      text(layer.white_share, 100.0, 2, " %"), text(layer.line_mm, 1.0, 3, " mm"));
 }
 
+std::string range_text(const DistanceRange& range) {
+  return fmt::format("{} m to {} m", significant(range.nearest_m, 3),
+                     significant(range.farthest_m, 3));
+}
+
+/// From where to where some marker is wholly in view.
+std::string view_lines(const PlanRequest& request, const Plan& plan) {
+  std::string lines = fmt::format(
+      "\nA whole marker is in view, however the camera is turned about its axis,\n"
+      "  aimed at the centre:            {}\n",
+      range_text(plan.centred));
+  if (request.aim > 0.0)
+    lines += fmt::format("  up to {:>4} of the side beside:  {}\n",
+                         significant(100.0 * request.aim, 2) + "%", range_text(plan.beside));
+  return lines;
+}
+
+Json range_json(const DistanceRange& range) {
+  return {{"nearest_m", range.nearest_m}, {"farthest_m", range.farthest_m}};
+}
+
 Json number_or_null(const std::optional<double>& value) {
   return value ? Json(*value) : Json(nullptr);
 }
@@ -70,15 +82,18 @@ std::string significant(double value, int digits) {
 
 std::string plan_table(const PlanRequest& request, const Plan& plan) {
   std::string table = fmt::format(
-      "{} of {} x {} cells, side {} m, for {} m to {} m\n\n",
+      "{} of {} x {} cells, side {} m, for {} m to {} m\n",
       plan.layers.size() == 1 ? "1 layer" : fmt::format("{} layers", plan.layers.size()),
-      request.cells, request.cells, plan.side_m, significant(request.nearest_m, 3),
+      plan.cells, plan.cells, plan.side_m, significant(request.nearest_m, 3),
       significant(request.farthest_m, 3));
-  table += fmt::format("{:>5}  {:>10}  {:>21}  {:>9}  {:>8}  {:>6}  {:>9}\n", "layer", "side",
+  if (plan.layers.size() > 1)
+    table += fmt::format("Layout: {}, {} markers\n", to_string(plan.layout), plan.markers);
+  table += fmt::format("\n{:>5}  {:>10}  {:>21}  {:>9}  {:>8}  {:>6}  {:>9}\n", "layer", "side",
                        "serves from ... to", "overlap", "cell at", "white", "line");
   table += fmt::format("{:>5}  {:>10}  {:>21}  {:>9}  {:>8}  {:>6}  {:>9}\n", "", "", "",
                        "with next", "farthest", "share", "width");
   for (const PlanLayer& layer : plan.layers) table += row(layer);
+  table += view_lines(request, plan);
   if (!plan.warnings.empty()) table += "\n";
   for (const PlanWarning& warning : plan.warnings)
     table += fmt::format("{}: {}\n", to_string(warning.severity), warning.text);
@@ -91,13 +106,18 @@ std::string plan_json(const PlanRequest& request, const Plan& plan) {
   json["farthest_m"] = request.farthest_m;
   json["side_m"] = plan.side_m;
   json["needed_side_m"] = plan.needed_side_m;
-  json["cells"] = request.cells;
+  json["layout"] = to_string(plan.layout);
+  json["cells"] = plan.cells;
+  json["markers"] = plan.markers;
   json["line"] = {{"inside", request.line.inside}, {"outside", request.line.outside}};
   json["most_black_cells"] = plan.most_black;
-  json["most_children"] = plan.most_children;
+  json["aim"] = request.aim;
+  json["centred"] = range_json(plan.centred);
+  json["beside"] = range_json(plan.beside);
   json["layers"] = Json::array();
   for (const PlanLayer& layer : plan.layers)
     json["layers"].push_back({{"layer", layer.layer},
+                              {"cells", layer.cells},
                               {"side_m", layer.side_m},
                               {"nearest_m", layer.nearest_m},
                               {"farthest_m", layer.farthest_m},

@@ -15,3 +15,4 @@
 #include "harco/pose.hpp"
 #include "harco/track.hpp"
 #include "harco/version.hpp"
+#include "harco/view_range.hpp"

@@ -5,6 +5,7 @@
 // A layout is a marker without codes: `Marker::code` has its n, and no bit set; ids are 0.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "harco/marker.hpp"
@@ -23,13 +24,29 @@ std::vector<int> checkerboard(int cells);
 /// child_cells[i - 1]. None: a parent alone.
 Marker uniform_layout(int cells, const std::vector<std::vector<int>>& child_cells);
 
-/// Three sizes of markers that cover all inner cells of the parent. Every other cell (checkerboard)
-/// holds a child of 7 x 7 cells, which has a small child in every third cell of every third row.
-/// All other cells, black ones too, hold nine of the same size in the same places. So small
-/// children stand two of their sides apart over the whole marker, 9 for every cell: 239 markers for
-/// n = 5. The parent and the small children have n x n cells.
+/// Markers that cover all inner cells of the parent. Every other cell (checkerboard) holds a child
+/// of 7 x 7 cells, which has a small child in every third cell of every third row. All other cells,
+/// black ones too, hold small ones of the same size in the same places, but in their middle a child
+/// of 7 x 7 cells that is a third as large as the cell and has one of its own in its middle. So
+/// small children stand two of their sides apart over the whole marker, and larger ones fill the
+/// gap between them and the parent. The parent and the small children have n x n cells; for n = 5
+/// there are 251 markers, for n = 6 361.
 Marker carpet(int cells);
 inline constexpr int kCarpetLayers = 3;
+inline constexpr int kCarpetCells = 7;  ///< n of those that are not the parent's
+
+/// The layouts that have names.
+enum class LayoutKind {
+  quincunx,  ///< five children in every marker: the paper's, for a camera that looks at the centre
+  checkerboard,  ///< every other cell
+  carpet         ///< three layers that cover the whole marker
+};
+
+std::string to_string(LayoutKind kind);
+
+/// The layout with so many layers, 1 … 8, in which all markers but some of the carpet's have n x n
+/// cells. Throws std::invalid_argument, among others for a carpet of other than three layers.
+Marker make_layout(LayoutKind kind, int cells, int layers);
 
 /// `parents` markers like `layout`, side by side in one set, without codes.
 MarkerSet without_codes(const Marker& layout, int parents, double side_m,

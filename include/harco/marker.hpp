@@ -46,6 +46,9 @@ struct Parent {
   Marker marker;
 };
 
+/// The most layers of a set.
+inline constexpr int kMostLayers = 8;
+
 /// The most squares along a cell's side that it may be divided into.
 inline constexpr int kMostParts = 32;
 

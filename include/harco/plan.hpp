@@ -16,7 +16,9 @@
 #include <string>
 #include <vector>
 
+#include "harco/layout.hpp"
 #include "harco/marker.hpp"
+#include "harco/view_range.hpp"
 
 namespace harco {
 
@@ -96,11 +98,8 @@ int most_child_layers(double alpha, double beta, double gamma, double least_whit
 inline constexpr double kWhiteShareLow = 0.7;
 inline constexpr double kWhiteShareSerious = 0.6;
 
-/// The most layers that a plan has; markers.json holds no more.
-inline constexpr int kMostLayers = 8;
-
-/// What a marker is wanted for. The camera is a pinhole that looks straight at the centre of the
-/// marker; for a wide lens, whose picture covers more, a plan is on the safe side.
+/// What a marker is wanted for. The camera is a pinhole that looks straight at the marker; for a
+/// wide lens, whose picture covers more, a plan is on the safe side.
 struct PlanRequest {
   double nearest_m = 0.0;   ///< least distance, > 0
   double farthest_m = 0.0;  ///< greatest distance, > nearest_m
@@ -109,18 +108,25 @@ struct PlanRequest {
   int height_px = 0;      ///< of the image
   double focal_px = 0.0;  ///< focal length, px
 
-  std::optional<double> side_m;  ///< side of the parent; if absent, the least that is needed
-  std::optional<int> layers;     ///< 1 … 8; if absent, the least number that is needed
+  /// The camera aims at points up to this share of the side beside the marker's centre, along both
+  /// axes, 0 … 0.5. Nearby it then sees less of the layers above, or nothing but a few cells.
+  double aim = 0.35;
 
-  int cells = 5;   ///< n, 4 … 8
+  std::optional<double> side_m;  ///< side of the parent; if absent, the least that is needed
+
+  /// What is absent of these three is chosen such that the least number of markers serves all
+  /// distances and aims.
+  std::optional<LayoutKind> layout;
+  std::optional<int> layers;  ///< 1 … 8
+  std::optional<int> cells;   ///< n, 4 … 8; if absent 5, or 6 for a carpet that has to be finer
+
   LineWidth line;  ///< around children
 
-  double alpha = 6.0 / 49.0;   ///< greatest black share of a child, in (0, 1)
-  std::optional<double> beta;  ///< greatest share of cells with children; if absent 5 / (n+2)^2
+  double alpha = 6.0 / 49.0;  ///< greatest black share of a child, in (0, 1)
 
-  /// Least side at which a marker is detected, px. Seen frontally, parents were found from 15-16
-  /// px, children from 16 px (line outside) to 20 px (other lines); tilt and noise ask for more.
-  double parent_px = 16.0;
+  /// Least side at which a marker is detected, px. Parents were found from 12 px, from 14 px at
+  /// 45 degrees, children from 14 and 20 px (line outside); noise and steeper views ask for more.
+  double parent_px = 14.0;
   double child_px = 16.0;
 
   /// Share of the image's smaller dimension that a marker with its line may fill, in (0, 1].
@@ -129,9 +135,10 @@ struct PlanRequest {
   double printer_dot_mm = 25.4 / 600.0;  ///< of the printer, > 0
 };
 
-/// One layer of a plan.
+/// One layer of a plan. Of a carpet, the sizes between its layers are left out.
 struct PlanLayer {
   int layer = 1;
+  int cells = 5;            ///< n of its markers
   double side_m = 0.0;      ///< of its markers
   double nearest_m = 0.0;   ///< the marker, its line included, just fits into the image
   double farthest_m = 0.0;  ///< it has the least side that is detected
@@ -160,7 +167,7 @@ enum class PlanConcern {
   dark_cells,        ///< white cells that carry children have too much ink in them
   larger_than_page,  ///< the sheet exceeds A4
   focus,             ///< near and far can hardly both be sharp
-  off_axis           ///< deeper layers serve only where a child lies under the camera's axis
+  off_axis           ///< beside the centre the camera sees no whole marker nearby
 };
 
 enum class PlanSeverity { note, warning, serious };
@@ -173,15 +180,24 @@ struct PlanWarning {
 };
 
 struct Plan {
-  double side_m = 0.0;                ///< of the parent
-  double needed_side_m = 0.0;         ///< the least that serves from the farthest distance
-  int most_black = 0;                 ///< black cells that a child may have: alpha (n+2)^2
-  int most_children = 0;              ///< children that a marker may have: beta (n+2)^2
+  double side_m = 0.0;         ///< of the parent
+  double needed_side_m = 0.0;  ///< the least that serves from the farthest distance
+  LayoutKind layout = LayoutKind::quincunx;
+  int cells = 5;       ///< n
+  int markers = 1;     ///< number of markers on the sheet, each with a code of its own
+  int most_black = 0;  ///< black cells that a child of n x n may have: alpha (n+2)^2
+
+  /// Where some marker is wholly in view, however the camera is turned about its axis: if it aims
+  /// at the centre, and at any point within PlanRequest::aim (range_in_view).
+  DistanceRange centred;
+  DistanceRange beside;
+
   std::vector<PlanLayer> layers;      ///< from the parent down
   std::vector<PlanWarning> warnings;  ///< the gravest first
 };
 
 /// Plans a marker. If the side is to be found, it is the needed one rounded up to three digits.
+/// Where no layout serves all distances, it takes the one that comes nearest, and warns.
 /// Throws std::invalid_argument, naming the field, if a value is outside its range or not finite.
 Plan plan(const PlanRequest& request);
 

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace harco {
 namespace {
 
-// A child of the carpet that carries others, and its grid, ring included.
-constexpr int kCarpetCells = 7;
+// The grid of a child of the carpet that carries others, ring included.
 constexpr int kCarpetParts = kCarpetCells + 2;
 // Where small children stand in that grid, along both axes.
 constexpr int kCarpetPlaces[] = {1, 4, 7};
@@ -34,24 +34,39 @@ void add_uniform(Marker& marker, const std::vector<std::vector<int>>& child_cell
   }
 }
 
+/// Calls visit(row, column) with all places of small children in a cell of the carpet.
+template <typename Visit>
+void for_each_place(const Visit& visit) {
+  for (const int row : kCarpetPlaces)
+    for (const int column : kCarpetPlaces) visit(row, column);
+}
+
 /// A cell of the carpet with a child that carries the small ones.
 Marker carpet_child(int cells, int cell) {
   Marker child = blank(kCarpetCells, cell);
-  for (const int row : kCarpetPlaces)
-    for (const int column : kCarpetPlaces)
-      child.children.push_back(blank(cells, (row - 1) * kCarpetCells + column - 1));
+  for_each_place([&](int row, int column) {
+    child.children.push_back(blank(cells, (row - 1) * kCarpetCells + column - 1));
+  });
   return child;
 }
 
-/// A cell of the carpet with small children alone.
-void add_small_children(Marker& parent, int cells, int cell) {
-  for (const int row : kCarpetPlaces)
-    for (const int column : kCarpetPlaces) {
-      Marker child = blank(cells, cell);
-      child.parts = kCarpetParts;
-      child.part = row * kCarpetParts + column;
-      parent.children.push_back(child);
-    }
+Marker in_part(Marker child, int parts, int row, int column) {
+  child.parts = parts;
+  child.part = row * parts + column;
+  return child;
+}
+
+/// A cell of the carpet without such a child: in its middle one of a third of the side, with one of
+/// its own in its middle, and the small ones around it.
+void add_loose_children(Marker& parent, int cells, int cell) {
+  const int middle = kCarpetParts / 2;
+  for_each_place([&](int row, int column) {
+    if (row != middle || column != middle)
+      parent.children.push_back(in_part(blank(cells, cell), kCarpetParts, row, column));
+  });
+  Marker half_way = in_part(blank(kCarpetCells, cell), 3, 1, 1);
+  half_way.children.push_back(blank(cells, kCarpetCells * kCarpetCells / 2));
+  parent.children.push_back(std::move(half_way));
 }
 
 }  // namespace
@@ -85,8 +100,36 @@ Marker carpet(int cells) {
     if (std::binary_search(carrying.begin(), carrying.end(), cell))
       parent.children.push_back(carpet_child(cells, cell));
     else
-      add_small_children(parent, cells, cell);
+      add_loose_children(parent, cells, cell);
   return parent;
+}
+
+std::string to_string(LayoutKind kind) {
+  switch (kind) {
+    case LayoutKind::quincunx:
+      return "quincunx";
+    case LayoutKind::checkerboard:
+      return "checkerboard";
+    case LayoutKind::carpet:
+      return "carpet";
+  }
+  throw std::invalid_argument("no such layout");
+}
+
+Marker make_layout(LayoutKind kind, int cells, int layers) {
+  if (layers < 1 || layers > kMostLayers)
+    throw std::invalid_argument("layout: layers must be 1 … " + std::to_string(kMostLayers) +
+                                ", not " + std::to_string(layers));
+  if (kind == LayoutKind::carpet) {
+    if (layers != kCarpetLayers)
+      throw std::invalid_argument("layout: a carpet has " + std::to_string(kCarpetLayers) +
+                                  " layers, not " + std::to_string(layers));
+    return carpet(cells);
+  }
+  const std::vector<int> child_cells =
+      kind == LayoutKind::quincunx ? quincunx(cells) : checkerboard(cells);
+  return uniform_layout(
+      cells, std::vector<std::vector<int>>(static_cast<std::size_t>(layers - 1), child_cells));
 }
 
 MarkerSet without_codes(const Marker& layout, int parents, double side_m, const LineWidth& line) {

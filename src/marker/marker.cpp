@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <map>
 #include <set>
 #include <stdexcept>
@@ -105,30 +106,39 @@ void validate_cells(int cells, const std::string& who) {
     throw std::invalid_argument(who + ": cells must be 3 … 8, not " + std::to_string(cells));
 }
 
-/// What the children met so far take of one cell.
-struct CellUse {
-  int parts = 0;
-  std::set<int> taken;
-};
+/// Whether two children of one marker have a piece of its plane in common.
+bool overlap(const Marker& a, const Marker& b) {
+  if (a.cell != b.cell) return false;
+  // In units of 1 / (a.parts b.parts) of the cell: [start, start + other's parts) each.
+  const auto meet = [&](int at_a, int at_b) {
+    return at_a * b.parts < (at_b + 1) * a.parts && at_b * a.parts < (at_a + 1) * b.parts;
+  };
+  return meet(a.part % a.parts, b.part % b.parts) && meet(a.part / a.parts, b.part / b.parts);
+}
 
-void validate_place(const Marker& child, const Code& code, std::map<int, CellUse>& used,
-                    const std::string& whose) {
+/// How much of the parent's cell the children take that stand in the same one as `child`.
+double share_taken(const Marker& parent, const Marker& child) {
+  double sum = 0.0;
+  for (const Marker& other : parent.children)
+    if (other.cell == child.cell) sum += 1.0 / (other.parts * other.parts);
+  return sum;
+}
+
+/// `index` is the child's among its siblings.
+void validate_place(const Marker& parent, std::size_t index, const std::string& whose) {
+  const Marker& child = parent.children[index];
   const std::string cell = "cell " + std::to_string(child.cell);
-  if (child.cell < 0 || child.cell >= code.size())
+  if (child.cell < 0 || child.cell >= parent.code.size())
     throw std::invalid_argument(whose + ": there is no " + cell);
   if (!is_part(child))
     throw std::invalid_argument(whose + ": " + part_name(child) + " is not there");
-  CellUse& use = used[child.cell];
-  if (use.parts != 0 && use.parts != child.parts)
-    throw std::invalid_argument(whose + ": " + cell + " is divided in two ways");
-  use.parts = child.parts;
-  if (!use.taken.insert(child.part).second)
-    throw std::invalid_argument(whose + ": " + (child.parts == 1 ? cell : part_name(child)) +
-                                " is taken");
-  if (!code.white(child.cell) &&
-      static_cast<double>(use.taken.size()) > kMostWhiteInBlack * child.parts * child.parts)
+  for (std::size_t i = 0; i < index; ++i)
+    if (overlap(parent.children[i], child))
+      throw std::invalid_argument(whose + ": " + (child.parts == 1 ? cell : part_name(child)) +
+                                  " is taken");
+  if (!parent.code.white(child.cell) && share_taken(parent, child) > kMostWhiteInBlack)
     throw std::invalid_argument(whose + ": " + cell + " is black" +
-                                (child.parts == 1 ? "" : " and has too many children"));
+                                (child.parts == 1 ? "" : " and has too much in it"));
 }
 
 void validate_marker(const Marker& marker, int layer, Known& parents, Known& children) {
@@ -149,9 +159,9 @@ void validate_marker(const Marker& marker, int layer, Known& parents, Known& chi
     throw std::invalid_argument(who + ": its code is that of " + std::to_string(other->second) +
                                 ", perhaps turned");
 
-  std::map<int, CellUse> used;
-  for (const Marker& child : marker.children) {
-    validate_place(child, code, used, name(child, layer + 1) + " in " + who);
+  for (std::size_t i = 0; i < marker.children.size(); ++i) {
+    const Marker& child = marker.children[i];
+    validate_place(marker, i, name(child, layer + 1) + " in " + who);
     validate_marker(child, layer + 1, parents, children);
   }
 }

@@ -12,6 +12,13 @@ namespace harco {
 namespace {
 
 constexpr double kRounding = 1e-9;
+// n, unless a request says otherwise, and of a carpet that has to be finer.
+constexpr int kUsualCells = 5;
+constexpr int kFinerCells = 6;
+// Every marker needs a code of its own.
+constexpr int kMostMarkers = 20000;
+// In a child of a carpet, nine of its 9 x 9 cells hold children.
+constexpr double kCarpetBeta = 9.0 / 81.0;
 // Neighbouring layers that overlap less lose one another by a little tilt or blur.
 constexpr double kComfortableOverlap = 1.25;
 // A line needs as many dots of the printer, and paper and ink as many millimetres.
@@ -92,48 +99,181 @@ void check(const PlanRequest& request) {
     throw std::invalid_argument("nearest distance must be less than the farthest");
   if (request.side_m) require_positive(*request.side_m, "side");
   if (request.layers) require_whole(*request.layers, 1, kMostLayers, "layers");
-  require_whole(request.cells, 4, 8, "cells");
+  if (request.cells) require_whole(*request.cells, 4, 8, "cells");
   for (const double width : {request.line.inside, request.line.outside})
     if (!(width >= 0.0 && width <= 0.25))
       throw std::invalid_argument("line width: inside and outside must be 0 … 0.25 of the side");
   if (request.line.inside + request.line.outside <= 0.0)
     throw std::invalid_argument("line width: children need a line, inside or outside");
   require_share(request.alpha, "alpha");
-  if (request.beta) require_share(*request.beta, "beta");
+  if (!(request.aim >= 0.0 && request.aim <= 0.5))
+    throw std::invalid_argument("aim must be 0 … 0.5 of the side");
   require_positive(request.printer_dot_mm, "printer dot");
   check_image(request);
 }
 
+/// What a plan may choose.
+struct Choice {
+  LayoutKind layout;
+  int cells;
+  int layers;
+};
+
+/// n of the markers of one layer, and how many times they go into a cell of the layer above.
+int cells_in_layer(const Choice& choice, int layer) {
+  return choice.layout == LayoutKind::carpet && layer == 2 ? kCarpetCells : choice.cells;
+}
+
+/// Share of a marker's cells that carry children, below layer 1.
+double beta_of(const Choice& choice) {
+  const double area = (choice.cells + 2) * (choice.cells + 2);
+  switch (choice.layout) {
+    case LayoutKind::quincunx:
+      return static_cast<double>(quincunx(choice.cells).size()) / area;
+    case LayoutKind::checkerboard:
+      return static_cast<double>(checkerboard(choice.cells).size()) / area;
+    case LayoutKind::carpet:
+      return kCarpetBeta;
+  }
+  throw std::invalid_argument("no such layout");
+}
+
 /// All but what depends on the number of layers.
-PlanLayer plan_layer(const PlanRequest& request, double parent_side_m, int layer) {
-  const int across = request.cells + 2;
+PlanLayer plan_layer(const PlanRequest& request, const Choice& choice, double parent_side_m,
+                     int layer) {
   PlanLayer planned;
   planned.layer = layer;
-  planned.side_m = parent_side_m * std::pow(1.0 / across, layer - 1);
+  planned.cells = cells_in_layer(choice, layer);
+  planned.side_m = parent_side_m;
+  for (int above = 1; above < layer; ++above) planned.side_m /= cells_in_layer(choice, above) + 2;
   planned.nearest_side_px = usable_px(request) / extent(request, layer);
   planned.farthest_side_px = least_px(request, layer);
   // Eq. 2, solved for the distance.
   planned.nearest_m = request.focal_px * planned.side_m / planned.nearest_side_px;
   planned.farthest_m = request.focal_px * planned.side_m / planned.farthest_side_px;
-  planned.farthest_cell_px = planned.farthest_side_px / across;
+  planned.farthest_cell_px = planned.farthest_side_px / (planned.cells + 2);
   if (layer > 1)
     planned.line_mm = 1e3 * planned.side_m * (request.line.inside + request.line.outside);
   return planned;
 }
 
-std::vector<PlanLayer> plan_layers(const PlanRequest& request, double parent_side_m, double beta) {
-  const int most = request.layers.value_or(kMostLayers);
-  std::vector<PlanLayer> layers{plan_layer(request, parent_side_m, 1)};
-  while (static_cast<int>(layers.size()) < most &&
-         (request.layers || layers.back().nearest_m > request.nearest_m * (1.0 + kRounding)))
-    layers.push_back(plan_layer(request, parent_side_m, static_cast<int>(layers.size()) + 1));
-
+std::vector<PlanLayer> plan_layers(const PlanRequest& request, const Choice& choice,
+                                   double parent_side_m) {
+  std::vector<PlanLayer> layers;
+  for (int layer = 1; layer <= choice.layers; ++layer)
+    layers.push_back(plan_layer(request, choice, parent_side_m, layer));
   for (std::size_t i = 0; i + 1 < layers.size(); ++i) {
     const int child_layers = static_cast<int>(layers.size() - i) - 1;
     layers[i].overlap = layers[i + 1].farthest_m / layers[i].nearest_m;
-    layers[i].white_share = carried_white_share(child_layers, request.alpha, beta, request.line);
+    layers[i].white_share =
+        carried_white_share(child_layers, request.alpha, beta_of(choice), request.line);
   }
   return layers;
+}
+
+// --- Which layout ----------------------------------------------------------------------------
+
+/// Number of markers on a sheet.
+double count(const Choice& choice) {
+  const double children = beta_of(choice) * (choice.cells + 2) * (choice.cells + 2);
+  if (choice.layout == LayoutKind::carpet)
+    return static_cast<double>(place(without_codes(carpet(choice.cells), 1, 1.0)).size());
+  double sum = 0.0;
+  double in_layer = 1.0;
+  for (int layer = 1; layer <= choice.layers; ++layer) {
+    sum += in_layer;
+    in_layer *= std::round(children);
+  }
+  return sum;
+}
+
+/// The least number of layers that come near enough if the camera looks at the centre.
+int layers_for_centre(const PlanRequest& request, Choice choice, double side_m) {
+  for (choice.layers = 1; choice.layers < kMostLayers; ++choice.layers) {
+    if (plan_layer(request, choice, side_m, choice.layers).nearest_m <=
+        request.nearest_m * (1.0 + kRounding))
+      break;
+    if (count({choice.layout, choice.cells, choice.layers + 1}) > kMostMarkers) break;
+  }
+  return choice.layers;
+}
+
+/// What of one layout may serve, fewer layers first.
+void add_choices(const PlanRequest& request, LayoutKind layout, double side_m,
+                 std::vector<Choice>& all) {
+  const int cells = request.cells.value_or(kUsualCells);
+  if (layout == LayoutKind::carpet) {
+    if (request.layers.value_or(kCarpetLayers) != kCarpetLayers) return;
+    all.push_back({layout, cells, kCarpetLayers});
+    if (!request.cells) all.push_back({layout, kFinerCells, kCarpetLayers});
+    return;
+  }
+  // Layers beyond those that serve the centre don't serve what is beside it.
+  const int most = request.layers.value_or(layers_for_centre(request, {layout, cells, 1}, side_m));
+  const int least = request.layers || request.aim == 0.0 ? most : 1;
+  for (int layers = least; layers <= most; ++layers) all.push_back({layout, cells, layers});
+}
+
+/// All that the request leaves open, by number of markers.
+std::vector<Choice> choices(const PlanRequest& request, double side_m) {
+  std::vector<Choice> all;
+  for (const LayoutKind layout :
+       {LayoutKind::quincunx, LayoutKind::checkerboard, LayoutKind::carpet})
+    if (request.layout ? layout == *request.layout
+                       : request.aim > 0.0 || layout == LayoutKind::quincunx)
+      add_choices(request, layout, side_m, all);
+  if (all.empty())
+    throw std::invalid_argument("layers: a carpet has " + std::to_string(kCarpetLayers));
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Choice& a, const Choice& b) { return count(a) < count(b); });
+  if (count(all.front()) > kMostMarkers)
+    throw std::invalid_argument("layers: more than " + std::to_string(kMostMarkers) +
+                                " markers a sheet");
+  return all;
+}
+
+DistanceRange in_view(const PlanRequest& request, const Plan& plan, double aim) {
+  ViewOptions view;
+  view.width_px = request.width_px;
+  view.height_px = request.height_px;
+  view.focal_px = request.focal_px;
+  view.parent_px = request.parent_px;
+  view.child_px = request.child_px;
+  view.usable_share = request.usable_share;
+  view.aim = aim;
+  const Marker layout = make_layout(plan.layout, plan.cells, static_cast<int>(plan.layers.size()));
+  return range_in_view(without_codes(layout, 1, plan.side_m, request.line), view);
+}
+
+/// The plan of one choice, without warnings.
+Plan plan_of(const PlanRequest& request, const Choice& choice, double side_m) {
+  Plan plan;
+  plan.side_m = side_m;
+  plan.layout = choice.layout;
+  plan.cells = choice.cells;
+  plan.markers = static_cast<int>(count(choice));
+  plan.most_black = static_cast<int>(
+      std::floor(request.alpha * (choice.cells + 2) * (choice.cells + 2) + kRounding));
+  if (plan.most_black < 1) throw std::invalid_argument("alpha leaves a child no black cell");
+  plan.layers = plan_layers(request, choice, side_m);
+  plan.beside = in_view(request, plan, request.aim);
+  return plan;
+}
+
+bool serves_nearest(const PlanRequest& request, const Plan& plan) {
+  return plan.beside.nearest_m <= request.nearest_m * (1.0 + kRounding);
+}
+
+/// The first choice that serves, or the one that comes nearest.
+Plan best_plan(const PlanRequest& request, double side_m) {
+  std::optional<Plan> best;
+  for (const Choice& choice : choices(request, side_m)) {
+    Plan next = plan_of(request, choice, side_m);
+    const double notable = 0.99;
+    if (!best || next.beside.nearest_m < notable * best->beside.nearest_m) best = std::move(next);
+    if (serves_nearest(request, *best)) break;
+  }
+  return *best;
 }
 
 // --- What a user should know, concern by concern ---------------------------------------------
@@ -201,8 +341,8 @@ void warn_of_dark_cells(const PlanRequest&, const Plan& plan, Warnings& warnings
            "a thinner line inside or fewer layers"});
 }
 
-void warn_of_page(const PlanRequest& request, const Plan& plan, Warnings& warnings) {
-  const double sheet_m = plan.side_m * (request.cells + 4) / (request.cells + 2);
+void warn_of_page(const PlanRequest&, const Plan& plan, Warnings& warnings) {
+  const double sheet_m = plan.side_m * (plan.cells + 4) / (plan.cells + 2);
   if (sheet_m <= kPageWidth_m) return;
   warnings.push_back({PlanConcern::larger_than_page, PlanSeverity::note,
                       "with its white surround the marker is " + metres(sheet_m) +
@@ -213,7 +353,7 @@ void warn_of_page(const PlanRequest& request, const Plan& plan, Warnings& warnin
 /// A lens focused at the farthest distance h_max blurs a point at h by f A (1/h - 1/h_max) px, A
 /// being the width of its opening. Half a cell of the last layer is f D / (2 (n+2) h) px.
 void warn_of_focus(const PlanRequest& request, const Plan& plan, Warnings& warnings) {
-  const double half_cell_m = plan.layers.back().side_m / (request.cells + 2) / 2.0;
+  const double half_cell_m = plan.layers.back().side_m / (plan.layers.back().cells + 2) / 2.0;
   const double aperture_m = half_cell_m / (1.0 - request.nearest_m / request.farthest_m);
   if (aperture_m > kNotableAperture_m) return;
   warnings.push_back({PlanConcern::focus, PlanSeverity::note,
@@ -223,17 +363,22 @@ void warn_of_focus(const PlanRequest& request, const Plan& plan, Warnings& warni
                           digits(1e3 * aperture_m) + " mm wide"});
 }
 
-void warn_of_axis(const PlanRequest&, const Plan& plan, Warnings& warnings) {
-  if (plan.layers.size() < 2) return;
-  warnings.push_back({PlanConcern::off_axis, PlanSeverity::note,
-                      "the ranges hold for a camera that looks at the marker's centre; off it, "
-                      "more children (a checkerboard) help more than more layers"});
+void warn_of_aim(const PlanRequest& request, const Plan& plan, Warnings& warnings) {
+  if (request.aim == 0.0 && plan.layers.size() > 1)
+    warnings.push_back({PlanConcern::off_axis, PlanSeverity::note,
+                        "the ranges hold for a camera that aims at the marker's centre; beside it, "
+                        "denser layouts help more than more layers"});
+  if (request.aim > 0.0 && !serves_nearest(request, plan))
+    warnings.push_back({PlanConcern::off_axis, PlanSeverity::warning,
+                        "nearer than " + metres(plan.beside.nearest_m) +
+                            ", a camera that aims up to " + percent(request.aim) +
+                            " of the side beside the centre sees no whole marker in some views"});
 }
 
 Warnings warnings_of(const PlanRequest& request, const Plan& plan) {
   Warnings warnings;
   for (const auto concern : {warn_of_ends, warn_of_gaps, warn_of_dark_cells, warn_of_lines,
-                             warn_of_page, warn_of_focus, warn_of_axis})
+                             warn_of_page, warn_of_focus, warn_of_aim})
     concern(request, plan, warnings);
   std::stable_sort(
       warnings.begin(), warnings.end(),
@@ -245,20 +390,14 @@ Warnings warnings_of(const PlanRequest& request, const Plan& plan) {
 
 Plan plan(const PlanRequest& request) {
   check(request);
-  const double area_cells = (request.cells + 2) * (request.cells + 2);
-  const double beta = request.beta.value_or(5.0 / area_cells);
-
-  Plan plan;
-  plan.needed_side_m =
+  const double needed_side_m =
       rounded_up_to_digits(request.farthest_m / request.focal_px * request.parent_px);
-  plan.side_m = request.side_m.value_or(plan.needed_side_m);
-  if (!std::isfinite(plan.side_m) || !(plan.side_m > 0.0))
+  const double side_m = request.side_m.value_or(needed_side_m);
+  if (!std::isfinite(side_m) || !(side_m > 0.0))
     throw std::invalid_argument("farthest distance: no marker is large enough");
-  plan.most_black = static_cast<int>(std::floor(request.alpha * area_cells + kRounding));
-  plan.most_children = static_cast<int>(std::floor(beta * area_cells + kRounding));
-  if (plan.most_black < 1) throw std::invalid_argument("alpha leaves a child no black cell");
-  if (plan.most_children < 1) throw std::invalid_argument("beta leaves a marker no child");
-  plan.layers = plan_layers(request, plan.side_m, beta);
+  Plan plan = best_plan(request, side_m);
+  plan.needed_side_m = needed_side_m;
+  plan.centred = in_view(request, plan, 0.0);
   plan.warnings = warnings_of(request, plan);
   return plan;
 }
