@@ -153,10 +153,14 @@ TEST(Carpet, RingsAreWhiteLinesBlackAndNoSiblingsOverlap) {
          {Rect{a.x(), a.y() - line, b.x(), a.y()}, Rect{a.x(), b.y(), b.x(), b.y() + line},
           Rect{a.x() - line, a.y(), a.x(), b.y()}, Rect{b.x(), a.y(), b.x() + line, b.y()}})
       EXPECT_NEAR(ink.white_share(strip), 0.0, 1e-9) << child.id;
-    for (const PlacedMarker& other : placed)
-      if (&other != &child && other.container == child.container)
-        EXPECT_GE((other.origin_m - a).cwiseAbs().maxCoeff(),
-                  std::min(side, other.side_m) * (1.0 - 1e-9));
+    for (const PlacedMarker& other : placed) {
+      if (&other == &child || other.container != child.container) continue;
+      const double apart =
+          (other.origin_m - a + 0.5 * (other.side_m - side) * Eigen::Vector2d(1, 1))
+              .cwiseAbs()
+              .maxCoeff();
+      EXPECT_GE(apart, 0.5 * (side + other.side_m) * (1.0 - 1e-9));
+    }
   }
 }
 

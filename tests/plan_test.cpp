@@ -588,7 +588,9 @@ TEST(Plan, CarpetByHand) {
 }
 
 TEST(Plan, SaysFromWhereOnTheBestLayoutServes) {
-  const Plan planned = plan(beside(0.02, 40.0));
+  PlanRequest request = beside(0.02, 40.0);
+  request.cells = 5;
+  const Plan planned = plan(request);
   EXPECT_EQ(planned.layout, LayoutKind::carpet);
   const auto warning = find(planned, PlanConcern::off_axis);
   ASSERT_TRUE(warning);

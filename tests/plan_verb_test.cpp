@@ -79,7 +79,7 @@ TEST(PlanVerb, RecommendsALayoutForViewsBesideTheCentre) {
   EXPECT_EQ(json["command"],
             "harco generate --layers 3 --parents 1 --side 0.7 --out marker --children carpet");
   EXPECT_LE(json["beside"]["nearest_m"], 0.1);
-  EXPECT_GE(json["beside"]["farthest_m"], 35.0);
+  EXPECT_NEAR(json["beside"]["farthest_m"], 35.0, 1e-9);
   const CommandResult table = run_harco(wanted);
   EXPECT_TRUE(contains(table.output, "Layout: carpet, 251 markers\n")) << table.output;
   EXPECT_TRUE(contains(table.output, "up to  35% of the side beside:  0.0")) << table.output;
@@ -129,6 +129,7 @@ TEST(PlanVerb, DrawsAChart) {
 
   const CommandResult gap = run_harco(
       "plan --near 0.02 --far 100 --size 320x240 --focal 280 --cells 8 --child-px 24 --aim 0 "
+      "--parent-px 16 "
       "--plot " +
       (folder / "gap.svg").string());
   EXPECT_EQ(gap.status, 0) << gap.errors;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <Eigen/Geometry>
 
 #include "harco/layout.hpp"
 
@@ -119,9 +120,9 @@ TEST(RangeInView, AgreesWithViewsTriedOut) {
             range.nearest_m * std::pow(range.farthest_m / range.nearest_m, unit(random));
         EXPECT_TRUE(seen(distance * (1.0 - 1e-9))) << distance;
         EXPECT_TRUE(seen(range.nearest_m)) << range.nearest_m;
-        lost_nearer += !seen(0.85 * range.nearest_m);
+        lost_nearer += !seen((0.5 + 0.47 * unit(random)) * range.nearest_m);
       }
-      EXPECT_GT(lost_nearer, 0) << aim << " " << range.nearest_m;
+      EXPECT_GT(lost_nearer, 0) << placed.size() << " " << aim << " " << range.nearest_m;
     }
   }
 }

@@ -17,6 +17,8 @@ constexpr int kUsualCells = 5;
 constexpr int kFinerCells = 6;
 // Every marker needs a code of its own.
 constexpr int kMostMarkers = 20000;
+// More are not recommended: their codes come too near to one another.
+constexpr int kManyMarkers = 1000;
 // In a child of a carpet, nine of its 9 x 9 cells hold children.
 constexpr double kCarpetBeta = 9.0 / 81.0;
 // Neighbouring layers that overlap less lose one another by a little tilt or blur.
@@ -208,10 +210,19 @@ void add_choices(const PlanRequest& request, LayoutKind layout, double side_m,
     if (!request.cells) all.push_back({layout, kFinerCells, kCarpetLayers});
     return;
   }
-  // Layers beyond those that serve the centre don't serve what is beside it.
-  const int most = request.layers.value_or(layers_for_centre(request, {layout, cells, 1}, side_m));
-  const int least = request.layers || request.aim == 0.0 ? most : 1;
-  for (int layers = least; layers <= most; ++layers) all.push_back({layout, cells, layers});
+  if (request.layers) {
+    all.push_back({layout, cells, *request.layers});
+    return;
+  }
+  const int for_centre = layers_for_centre(request, {layout, cells, 1}, side_m);
+  if (request.aim == 0.0) {
+    all.push_back({layout, cells, for_centre});
+    return;
+  }
+  // What lies beside the centre may need a layer more; yet another one helps no further.
+  for (int layers = 1; layers <= std::min(for_centre + 1, kMostLayers); ++layers)
+    if (layers == 1 || count({layout, cells, layers}) <= kManyMarkers)
+      all.push_back({layout, cells, layers});
 }
 
 /// All that the request leaves open, by number of markers.
