@@ -243,6 +243,11 @@ std::vector<Choice> choices(const PlanRequest& request, double side_m) {
   return all;
 }
 
+MarkerSet layout_of(const PlanRequest& request, const Plan& plan) {
+  const Marker layout = make_layout(plan.layout, plan.cells, static_cast<int>(plan.layers.size()));
+  return without_codes(layout, 1, plan.side_m, request.line);
+}
+
 DistanceRange in_view(const PlanRequest& request, const Plan& plan, double aim) {
   ViewOptions view;
   view.width_px = request.width_px;
@@ -327,18 +332,26 @@ void warn_of_gaps(const PlanRequest& request, const Plan& plan, Warnings& warnin
   }
 }
 
+/// Side of the smallest marker of the layout; the parent's if it is alone.
+double smallest_side_m(const PlanRequest& request, const Plan& plan) {
+  double least = plan.side_m;
+  for (const PlacedMarker& marker : place(layout_of(request, plan)))
+    least = std::min(least, marker.side_m);
+  return least;
+}
+
 void warn_of_lines(const PlanRequest& request, const Plan& plan, Warnings& warnings) {
-  const PlanLayer& last = plan.layers.back();
-  if (!last.line_mm) return;
+  if (plan.layers.size() < 2) return;
+  const double line_mm =
+      1e3 * smallest_side_m(request, plan) * (request.line.inside + request.line.outside);
   const double least = std::max(kLeastLineDots * request.printer_dot_mm, kLeastLine_mm);
-  if (*last.line_mm >= least) return;
-  const bool lost = *last.line_mm < request.printer_dot_mm;
+  if (line_mm >= least) return;
+  const bool lost = line_mm < request.printer_dot_mm;
   warnings.push_back({PlanConcern::thin_line, lost ? PlanSeverity::serious : PlanSeverity::warning,
-                      "lines of layer " + std::to_string(last.layer) + " are " +
-                          digits(*last.line_mm) + " mm wide, " +
+                      "lines of the smallest markers are " + digits(line_mm) + " mm wide, " +
                           (lost ? "less than a dot of the printer" : "too thin to print well") +
                           "; " + digits(least) + " mm need a side of " +
-                          metres(plan.side_m * least / *last.line_mm)});
+                          metres(plan.side_m * least / line_mm)});
 }
 
 void warn_of_dark_cells(const PlanRequest&, const Plan& plan, Warnings& warnings) {
