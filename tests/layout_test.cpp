@@ -220,6 +220,10 @@ TEST(GenerateCodes, CarpetDrawsExactly) {
   EXPECT_EQ(drawn.image.width, 189 * 14 * 9 / 7);
   EXPECT_EQ(drawn.line.outside, 1.0 / 14.0);
   EXPECT_TRUE(print_warnings(coded_carpet()).empty());
+  // Lines of half a cell are whole from two pixels a cell on, for any n.
+  const MarkerSet fine =
+      generate_codes(without_codes(carpet(6), 1, 1.4, default_line(6)), quick()).markers;
+  EXPECT_EQ(raster(fine, 0, options).image.width, 8 * 9 * 3 * 16 * 10 / 8);
 }
 
 }  // namespace

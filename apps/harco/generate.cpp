@@ -107,7 +107,7 @@ void generate(const GenerateOptions& options) {
     throw std::invalid_argument("--side must be a positive number of metres");
   const CodeSearch search = search_of(options);
   const MarkerSet wanted = without_codes(layout_of(options), options.parents, options.side_m,
-                                         line_width(options.drawing));
+                                         line_width(options.drawing, options.cells));
   check_writable(options.out);
   check_drawing(sample_of(wanted, search), options.drawing);
 

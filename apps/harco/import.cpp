@@ -82,7 +82,8 @@ MarkerSet with_children(const Selection& selection, const ImportOptions& options
   hierarchy.layers = options.layers;
   const DictionaryOptions wanted = codes_for_hierarchy(selection.codes, hierarchy);
   const Dictionary dictionary = search_codes(wanted);
-  MarkerSet markers = build_markers(dictionary, options.side_m, line_width(options.drawing));
+  MarkerSet markers =
+      build_markers(dictionary, options.side_m, line_width(options.drawing, wanted.cells));
 
   std::vector<int> childless;
   for (std::size_t i = 0; i < selection.ids.size(); ++i) {
@@ -114,8 +115,10 @@ void import_family(const ImportOptions& options) {
   const Selection selection = select(load_family(options.family), options.ids);
   check_writable(options.out);
   const MarkerSet markers =
-      options.layers == 1 ? plain_parents(selection, options.side_m, line_width(options.drawing))
-                          : with_children(selection, options);
+      options.layers == 1
+          ? plain_parents(selection, options.side_m,
+                          line_width(options.drawing, options.hierarchy.child_cells))
+          : with_children(selection, options);
   if (options.no_drawings)
     write_description(markers, options.out);
   else

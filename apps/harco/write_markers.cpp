@@ -8,6 +8,7 @@
 #include <CLI/CLI.hpp>
 
 #include "harco/error.hpp"
+#include "harco/layout.hpp"
 #include "png_file.hpp"
 #include "progress.hpp"
 #include "staged_folder.hpp"
@@ -82,8 +83,8 @@ std::string describe_pages(const MarkerSet& markers, const SheetOptions& sheet,
 void add_drawing_options(CLI::App& verb, DrawingOptions& options) {
   const std::string group = "Drawing";
   verb.add_option("--line", options.line,
-                  "Width of a child's black line: harco (0 inside, 1/14 of its side outside) or "
-                  "paper (1/32 on both sides)")
+                  "Width of a child's black line: harco (0 inside, half a cell outside, with 5 x 5 "
+                  "cells 1/14 of its side) or paper (1/32 of its side on both sides)")
       ->check(CLI::IsMember({"harco", "paper"}))
       ->capture_default_str()
       ->group(group);
@@ -113,8 +114,8 @@ void add_drawing_options(CLI::App& verb, DrawingOptions& options) {
       ->group(group);
 }
 
-LineWidth line_width(const DrawingOptions& options) {
-  LineWidth line = options.line == "paper" ? kPaperLine : LineWidth{};
+LineWidth line_width(const DrawingOptions& options, int cells) {
+  LineWidth line = options.line == "paper" ? kPaperLine : default_line(cells);
   if (options.line_inside) line.inside = *options.line_inside;
   if (options.line_outside) line.outside = *options.line_outside;
   return line;

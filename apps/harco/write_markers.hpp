@@ -28,8 +28,8 @@ struct DrawingOptions {
 /// `options` must live as long as `verb`.
 void add_drawing_options(CLI::App& verb, DrawingOptions& options);
 
-/// The line width that the options ask for.
-LineWidth line_width(const DrawingOptions& options);
+/// The line width that the options ask for, around children of n x n cells.
+LineWidth line_width(const DrawingOptions& options, int cells);
 
 /// Checks that `folder` can be written to (it need not exist). Throws Error. Leaves nothing behind.
 void check_writable(const std::filesystem::path& folder);

@@ -48,6 +48,10 @@ std::string to_string(LayoutKind kind);
 /// cells. Throws std::invalid_argument, among others for a carpet of other than three layers.
 Marker make_layout(LayoutKind kind, int cells, int layers);
 
+/// The line around children of n x n cells: nothing inside, half a cell outside, which is a whole
+/// pixel as soon as a cell is two. 1/14 of the side for n = 5.
+LineWidth default_line(int cells);
+
 /// `parents` markers like `layout`, side by side in one set, without codes.
 MarkerSet without_codes(const Marker& layout, int parents, double side_m,
                         const LineWidth& line = {});

@@ -120,7 +120,7 @@ struct PlanRequest {
   std::optional<int> layers;  ///< 1 … 8
   std::optional<int> cells;   ///< n, 4 … 8; if absent 5, or 6 for a carpet that has to be finer
 
-  LineWidth line;  ///< around children
+  LineWidth line;  ///< around children; unless changed, default_line of their n
 
   double alpha = 6.0 / 49.0;  ///< greatest black share of a child, in (0, 1)
 

@@ -132,6 +132,11 @@ Marker make_layout(LayoutKind kind, int cells, int layers) {
       cells, std::vector<std::vector<int>>(static_cast<std::size_t>(layers - 1), child_cells));
 }
 
+LineWidth default_line(int cells) {
+  check_cells(cells);
+  return {0.0, 0.5 / (cells + 2)};
+}
+
 MarkerSet without_codes(const Marker& layout, int parents, double side_m, const LineWidth& line) {
   MarkerSet set;
   set.cells = layout.code.cells;

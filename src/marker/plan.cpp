@@ -280,11 +280,19 @@ bool serves_nearest(const PlanRequest& request, const Plan& plan) {
   return plan.beside.nearest_m <= request.nearest_m * (1.0 + kRounding);
 }
 
+/// The request with the line that generate takes if none is asked for.
+PlanRequest with_line(PlanRequest request, int cells) {
+  const LineWidth standard;
+  if (request.line.inside == standard.inside && request.line.outside == standard.outside)
+    request.line = default_line(cells);
+  return request;
+}
+
 /// The first choice that serves, or the one that comes nearest.
 Plan best_plan(const PlanRequest& request, double side_m) {
   std::optional<Plan> best;
   for (const Choice& choice : choices(request, side_m)) {
-    Plan next = plan_of(request, choice, side_m);
+    Plan next = plan_of(with_line(request, choice.cells), choice, side_m);
     const double notable = 0.99;
     if (!best || next.beside.nearest_m < notable * best->beside.nearest_m) best = std::move(next);
     if (serves_nearest(request, *best)) break;
@@ -421,8 +429,9 @@ Plan plan(const PlanRequest& request) {
     throw std::invalid_argument("farthest distance: no marker is large enough");
   Plan plan = best_plan(request, side_m);
   plan.needed_side_m = needed_side_m;
-  plan.centred = in_view(request, plan, 0.0);
-  plan.warnings = warnings_of(request, plan);
+  const PlanRequest drawn = with_line(request, plan.cells);
+  plan.centred = in_view(drawn, plan, 0.0);
+  plan.warnings = warnings_of(drawn, plan);
   return plan;
 }
 
