@@ -96,7 +96,7 @@ void warn_if_missed(const DictionaryReached& reached, const CodeSearch& search) 
 MarkerSet sample_of(MarkerSet without_codes, CodeSearch search) {
   without_codes.parents.resize(1);
   for (Marker* marker = &without_codes.parents[0].marker; !marker->children.empty();
-       marker = &marker->children[0])
+       marker = &marker->children.front())
     marker->children.resize(1);
   search.parent_distance = search.child_distance = 1;
   return generate_codes(std::move(without_codes), search).markers;

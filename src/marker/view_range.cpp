@@ -48,7 +48,7 @@ std::vector<Size> sizes_of(const MarkerSet& markers, const ViewOptions& view) {
     Size& size = same == sizes.end() ? sizes.emplace_back() : *same;
     size.half_side_m = half_side;
     size.farthest_m = farthest;
-    size.centres_m.push_back(marker.origin_m + 0.5 * marker.side_m * Eigen::Vector2d(1.0, 1.0));
+    size.centres_m.emplace_back(marker.origin_m + 0.5 * marker.side_m * Eigen::Vector2d(1.0, 1.0));
   }
   std::stable_sort(sizes.begin(), sizes.end(),
                    [](const Size& a, const Size& b) { return a.farthest_m > b.farthest_m; });
