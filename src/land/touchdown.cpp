@@ -77,10 +77,9 @@ std::optional<TouchdownPlan> TouchdownPlanner::plan_for(const LevelWindow& windo
   const double touchdown_s = window.middle_s();
   const bool holding = !plan_ || now_s < plan_->profile.start_s();
   std::optional<Profile> profile;
-  if (holding) {
-    const HeightCommand held = hold_->at(hold_->end_s());
-    profile = Profile::to_touch(hold_->end_s(), held.height_m, 0.0, touchdown_s, options_.motion);
-  }
+  if (const double held_s = hold_->end_s(); holding && held_s > now_s)
+    profile = Profile::to_touch(held_s, hold_->at(held_s).height_m, 0.0, touchdown_s,
+                                options_.motion);
   if (!profile)
     profile = Profile::to_touch(now_s, from.height_m, from.rate_mps, touchdown_s, options_.motion);
   if (!profile) return std::nullopt;
