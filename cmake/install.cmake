@@ -1,4 +1,4 @@
-# What is installed, in three components: `library` (what programs need at run time),
+# What is installed, in components: `library` and `landing` (what programs need at run time),
 # `development` (what they are built with) and `command`.
 include(CMakePackageConfigHelpers)
 
@@ -7,6 +7,11 @@ set(config_dir ${CMAKE_INSTALL_LIBDIR}/cmake/harco)
 install(TARGETS harco EXPORT harcoTargets
   LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT library NAMELINK_COMPONENT development
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
+if(TARGET harco_land)
+  install(TARGETS harco_land EXPORT harcoTargets
+    LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT landing NAMELINK_COMPONENT development
+    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
+endif()
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/harco
   DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT development FILES_MATCHING PATTERN *.hpp)
 install(FILES ${PROJECT_BINARY_DIR}/include/harco/version.hpp
@@ -25,7 +30,9 @@ install(FILES ${PROJECT_BINARY_DIR}/harcoConfig.cmake ${PROJECT_BINARY_DIR}/harc
 
 # pkg-config. Who links the static library links what is inside of it as well; the shared one brings
 # it along.
+set(pc_land_libraries "-lceres -lglog")
 if(BUILD_SHARED_LIBS)
+  set(pc_land_libraries "")
   set(pc_requires "eigen3")
   set(pc_requires_private "libhwy, yaml-cpp")
 else()
@@ -37,6 +44,12 @@ string(REGEX REPLACE "/$" "" pc_prefix ${pc_prefix})
 configure_file(${CMAKE_CURRENT_LIST_DIR}/harco.pc.in ${PROJECT_BINARY_DIR}/harco.pc @ONLY)
 install(FILES ${PROJECT_BINARY_DIR}/harco.pc
   DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
+if(TARGET harco_land)
+  configure_file(${CMAKE_CURRENT_LIST_DIR}/harco-land.pc.in ${PROJECT_BINARY_DIR}/harco-land.pc
+    @ONLY)
+  install(FILES ${PROJECT_BINARY_DIR}/harco-land.pc
+    DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
+endif()
 
 # The command, and beside the libraries the module that it loads when it needs OpenCV.
 file(RELATIVE_PATH libraries_from_bin /${CMAKE_INSTALL_BINDIR} /${CMAKE_INSTALL_LIBDIR})
@@ -57,6 +70,9 @@ set(CPACK_RESOURCE_FILE_LICENSE ${PROJECT_SOURCE_DIR}/LICENSE)
 set(CPACK_COMPONENTS_ALL development command)
 if(BUILD_SHARED_LIBS)
   list(PREPEND CPACK_COMPONENTS_ALL library)
+  if(TARGET harco_land)
+    list(APPEND CPACK_COMPONENTS_ALL landing)
+  endif()
   set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libharco0 (= ${PROJECT_VERSION}), libeigen3-dev")
   set(CPACK_DEBIAN_COMMAND_PACKAGE_DEPENDS "libharco0 (= ${PROJECT_VERSION})")
 else()
@@ -67,8 +83,12 @@ set(CPACK_DEBIAN_ENABLE_COMPONENT_DEPENDS OFF)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${PROJECT_BINARY_DIR}/src)
+# Ceres is for who links harco::land.
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SUGGESTS "libceres-dev")
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_NAME libharco0)
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_SECTION libs)
+set(CPACK_DEBIAN_LANDING_PACKAGE_NAME libharco-land0)
+set(CPACK_DEBIAN_LANDING_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libharco-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_COMMAND_PACKAGE_NAME harco)

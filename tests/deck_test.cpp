@@ -4,8 +4,8 @@
 #include <limits>
 #include <stdexcept>
 
-#include <Eigen/Dense>
 #include <gtest/gtest.h>
+#include <Eigen/Dense>
 
 #include "sample_decks.hpp"
 
@@ -154,8 +154,8 @@ Eigen::VectorXd parameters(Oscillation o, const Oscillation& like) {
 /// Errors of a fit of two sinusoids, and their covariance in the same order (by rate).
 std::pair<Eigen::VectorXd, Eigen::MatrixXd> errors(const OscillationFit& fit,
                                                    const Oscillation& truth) {
-  Eigen::VectorXd error = parameters(fit.oscillation, fit.oscillation) -
-                          parameters(truth, fit.oscillation);
+  Eigen::VectorXd error =
+      parameters(fit.oscillation, fit.oscillation) - parameters(truth, fit.oscillation);
   for (int i : {3, 6}) error[i] = std::remainder(error[i], 2.0 * kPi);
   Eigen::MatrixXd covariance = fit.covariance;
   if (fit.oscillation.parts[0].rate > fit.oscillation.parts[1].rate) {
@@ -206,9 +206,9 @@ TEST(OscillationFit, OrderIsThatOfTheDeck) {
     const Oscillation all = two_sinusoids();
     truth.parts = {all.parts[0], all.parts[1], {0.03, 2.0 * kPi / 11.0, 2.0}};
     truth.parts.resize(static_cast<std::size_t>(order));
-    EXPECT_EQ(fit_oscillation(samples_of(truth, 0.0, 40.0, 10.0, 0.005, random))
-                  .oscillation.order(),
-              order);
+    EXPECT_EQ(
+        fit_oscillation(samples_of(truth, 0.0, 40.0, 10.0, 0.005, random)).oscillation.order(),
+        order);
   }
 }
 

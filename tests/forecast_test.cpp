@@ -49,8 +49,7 @@ TEST(AxisForecast, ForetellsEq19WithinItsUncertainty) {
 
 TEST(AxisForecast, GrowsUncertainWithItsHorizonInASeaway) {
   std::mt19937_64 random(7);
-  const auto samples =
-      samples_of(seaway(8.0, 0.05, random), 0.0, 40.0, 10.0, 0.002, random);
+  const auto samples = samples_of(seaway(8.0, 0.05, random), 0.0, 40.0, 10.0, 0.002, random);
   const AxisForecast forecast = AxisForecast::learn(samples, two_at_most());
   EXPECT_GT(forecast.fade_rate(), 0.0);
   double before = 0.0;
@@ -72,8 +71,8 @@ TEST(AxisForecast, UncertaintyInASeawayAgreesWithErrors) {
   for (int seed = 0; seed < kSeeds; ++seed) {
     std::mt19937_64 random(static_cast<std::uint64_t>(100 + seed));
     const Oscillation truth = seaway(7.0, 0.05, random);
-    const AxisForecast forecast = AxisForecast::learn(
-        samples_of(truth, 0.0, 40.0, 10.0, 0.002, random), two_at_most());
+    const AxisForecast forecast =
+        AxisForecast::learn(samples_of(truth, 0.0, 40.0, 10.0, 0.002, random), two_at_most());
     for (double h : {0.5, 1.5, 4.0, 9.0}) {
       const double time_s = forecast.as_of_s() + h;
       const AxisState then = forecast.at(time_s);
@@ -209,15 +208,14 @@ TEST(LevelWindows, ProbabilitiesAreFrequencies) {
   for (int seed = 0; seed < kSeeds; ++seed) {
     std::mt19937_64 random(static_cast<std::uint64_t>(500 + seed));
     const Oscillation truth = seaway(7.0, 0.05, random);
-    const AxisForecast roll = AxisForecast::learn(
-        samples_of(truth, 0.0, 40.0, 10.0, 0.002, random), two_at_most());
+    const AxisForecast roll =
+        AxisForecast::learn(samples_of(truth, 0.0, 40.0, 10.0, 0.002, random), two_at_most());
     const DeckForecast forecast = only_roll(roll);
     std::uniform_real_distribution<double> limit(0.02, 0.12);
     for (double h : {0.5, 2.0, 4.0, 7.0, 11.0}) {
       const double wide = limit(random);
       const double begin_s = roll.as_of_s() + h;
-      const double p =
-          level_probability(forecast, roll_within(wide), begin_s, begin_s + 1.5);
+      const double p = level_probability(forecast, roll_within(wide), begin_s, begin_s + 1.5);
       const double did = is_level(truth, wide, begin_s, begin_s + 1.5) ? 1.0 : 0.0;
       foretold += p;
       happened += did;
@@ -337,7 +335,7 @@ TEST(DeckModel, OrderOfArrivalDoesntMatterNorDoCopies) {
   for (std::size_t axis = 0; axis < 3; ++axis)
     EXPECT_EQ(ordered.forecast()->axes[axis].at(30.0).value,
               shuffled.forecast()->axes[axis].at(30.0).value);
-  EXPECT_FALSE(shuffled.update());  // nothing new
+  EXPECT_FALSE(shuffled.update());                             // nothing new
   EXPECT_FALSE(shuffled.add(sample_of(deck, -10.0, random)));  // older than the window
 }
 

@@ -140,8 +140,7 @@ TEST(Profile, CanTurnBackUntilItIsCommitted) {
         ASSERT_GT(back.at(time_s).height_m, -1e-6);
     }
     const HeightCommand late = profile->at(committed_s + 0.01);
-    EXPECT_LT(late.height_m,
-              0.5 * late.rate_mps * late.rate_mps / limits.abort_acceleration_mps2);
+    EXPECT_LT(late.height_m, 0.5 * late.rate_mps * late.rate_mps / limits.abort_acceleration_mps2);
   }
 }
 
@@ -162,8 +161,8 @@ TEST(Profile, RefusesBadInput) {
 
 // --------------------------------------------------------------------------------------- planner
 
-/// A deck that rolls by one sinusoid of 0.1 rad and 8 s, level (0.05 rad) about every zero crossing;
-/// learnt from 20 s that end at time 0. `ahead_s`: it runs so much earlier.
+/// A deck that rolls by one sinusoid of 0.1 rad and 8 s, level (0.05 rad) about every zero
+/// crossing; learnt from 20 s that end at time 0. `ahead_s`: it runs so much earlier.
 DeckForecast rolling(double ahead_s = 0.0, double amplitude = 0.1) {
   std::mt19937_64 random(4);
   Oscillation truth;
@@ -190,11 +189,11 @@ TouchdownOptions only_roll() {
   return options;
 }
 
-/// Flies the commands exactly, from 0 s, and thinks twice a second. Ends on contact, at `until_s`, or
-/// when `stop` says so.
+/// Flies the commands exactly, from 0 s, and thinks twice a second. Ends on contact, at `until_s`,
+/// or when `stop` says so.
 template <typename Stop>
-double fly(TouchdownPlanner& planner, double height_m, const DeckForecast& forecast,
-           double from_s, double until_s, Stop stop) {
+double fly(TouchdownPlanner& planner, double height_m, const DeckForecast& forecast, double from_s,
+           double until_s, Stop stop) {
   double rate_mps = 0.0;
   if (from_s > 0.0) {
     height_m = planner.command(from_s).height_m;
@@ -407,8 +406,7 @@ TEST(Landing, OnTheOscillatingPlatformOfThePaper) {
       sample.time_s = time_s;
       sample.covariance = sd.cwiseAbs2().asDiagonal();
       for (int k = 0; k < 3; ++k)
-        sample.motion[k] =
-            deck[static_cast<std::size_t>(k)].value(time_s) + sd[k] * normal(random);
+        sample.motion[k] = deck[static_cast<std::size_t>(k)].value(time_s) + sd[k] * normal(random);
       model.add(sample);
       const bool anew = model.update();
       if (i == 0 || anew)

@@ -16,8 +16,8 @@ struct CameraState {
   Eigen::Matrix3d level_R_camera = Eigen::Matrix3d::Identity();
   /// Of w (radians, camera side), where the true attitude is level_R_camera Exp(w).
   Eigen::Matrix3d attitude_covariance = Eigen::Matrix3d::Zero();
-  /// Upwards, metres, from any fixed level. Left at 0 if unknown: then the camera counts as hovering
-  /// still, and its own climbing appears as the deck's heave.
+  /// Upwards, metres, from any fixed level. Left at 0 if unknown: then the camera counts as
+  /// hovering still, and its own climbing appears as the deck's heave.
   double height_m = 0.0;
   double height_sd_m = 0.0;  ///< standard deviation of height_m, metres
 };
@@ -35,10 +35,10 @@ struct DeckSample {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of motion
 };
 
-/// What a pose says about the deck that carries the marker. `touchdown_point` (marker frame, metres)
-/// is the point whose heave counts. The covariance follows, to first order, from the pose's and the
-/// camera's. Throws std::invalid_argument for a pose without covariance, and for anything that isn't
-/// finite.
+/// What a pose says about the deck that carries the marker. `touchdown_point` (marker frame,
+/// metres) is the point whose heave counts. The covariance follows, to first order, from the pose's
+/// and the camera's. Throws std::invalid_argument for a pose without covariance, and for anything
+/// that isn't finite.
 DeckSample deck_sample(const Pose& pose, const CameraState& camera, double time_s,
                        const Eigen::Vector3d& touchdown_point = Eigen::Vector3d::Zero());
 
@@ -49,8 +49,8 @@ struct Sinusoid {
   double phase = 0.0;      ///< beta_i, radians, -pi … pi
 };
 
-/// Eq. 19: y(t) = A_0 + sum of sinusoids. The paper counts time from zero, this from `epoch_s`: clocks
-/// may count from 1970, and phases would drown in that.
+/// Eq. 19: y(t) = A_0 + sum of sinusoids. The paper counts time from zero, this from `epoch_s`:
+/// clocks may count from 1970, and phases would drown in that.
 struct Oscillation {
   double epoch_s = 0.0;
   double mean = 0.0;  ///< A_0
@@ -81,12 +81,12 @@ struct OscillationOptions {
 /// Eq. 19, fitted.
 struct OscillationFit {
   Oscillation oscillation;
-  /// Of (A_0, A_1, alpha_1, beta_1, …), to first order, scaled by the residuals. It holds where these
-  /// are independent, that is, where the deck does move by Eq. 19.
+  /// Of (A_0, A_1, alpha_1, beta_1, …), to first order, scaled by the residuals. It holds where
+  /// these are independent, that is, where the deck does move by Eq. 19.
   Eigen::MatrixXd covariance;
-  double scale = 1.0;  ///< root mean square of residuals over their standard deviations
-  double rms = 0.0;    ///< root mean square of residuals, in the unit of what oscillates
-  double bic = 0.0;    ///< Bayesian information criterion; the smallest is the best
+  double scale = 1.0;         ///< root mean square of residuals over their standard deviations
+  double rms = 0.0;           ///< root mean square of residuals, in the unit of what oscillates
+  double bic = 0.0;           ///< Bayesian information criterion; the smallest is the best
   std::vector<bool> outlier;  ///< one a sample: beyond four robust standard deviations
 };
 

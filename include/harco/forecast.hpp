@@ -47,8 +47,8 @@ class AxisForecast {
   /// At any time from as_of_s on; earlier ones throw std::invalid_argument.
   AxisState at(double time_s) const;
 
-  /// Courses that the axis may take: its value, or rate, at ascending times from as_of_s on (columns)
-  /// in each of `draws` possible futures (rows). The same seed draws the same. Throws
+  /// Courses that the axis may take: its value, or rate, at ascending times from as_of_s on
+  /// (columns) in each of `draws` possible futures (rows). The same seed draws the same. Throws
   /// std::invalid_argument for earlier or descending times and for no draws.
   Eigen::MatrixXd draw_values(const std::vector<double>& times_s, int draws, int seed = 0) const;
   Eigen::MatrixXd draw_rates(const std::vector<double>& times_s, int draws, int seed = 0) const;
@@ -68,8 +68,8 @@ struct DeckForecast {
 
 /// A forecast against the samples that came after it, by medians, so that outliers don't count.
 struct Validation {
-  double from_s = 0.0, to_s = 0.0;   ///< the samples compared, none of which the forecast knew
-  std::array<double, 3> error{};     ///< standard deviation of its error: rad, rad, m
+  double from_s = 0.0, to_s = 0.0;  ///< the samples compared, none of which the forecast knew
+  std::array<double, 3> error{};    ///< standard deviation of its error: rad, rad, m
   /// Squared errors over their foretold variance, noise included: around 1 if the forecast is as
   /// good as it says.
   std::array<double, 3> normalised{};
@@ -86,7 +86,8 @@ struct DeckOptions {
   double max_normalised = 9.0;  ///< Validation::normalised above which a forecast has failed
   double refit_s = 0.5;         ///< least time between two forecasts: bounds the load
   double relearn_s = 10.0;      ///< time after which order and fade rate are chosen anew
-  int max_samples = 2000;       ///< most that a fit takes, evenly chosen: bounds its time, at least 60 and min_samples
+  int max_samples =
+      2000;  ///< most that a fit takes, evenly chosen: bounds its time, at least 60 and min_samples
   OscillationOptions oscillation;
 };
 

@@ -10,13 +10,13 @@ namespace harco {
 
 /// What counts as level. An infinite limit asks nothing.
 struct LevelLimits {
-  double roll_rad = 0.05;        ///< greatest size of roll, positive
-  double pitch_rad = 0.05;       ///< of pitch, positive
-  double heave_rate_mps = 0.5;   ///< of the deck's vertical speed, m/s, positive
+  double roll_rad = 0.05;       ///< greatest size of roll, positive
+  double pitch_rad = 0.05;      ///< of pitch, positive
+  double heave_rate_mps = 0.5;  ///< of the deck's vertical speed, m/s, positive
 };
 
-/// How the future is sampled: many possible courses of roll, pitch and vertical speed are drawn from
-/// the forecast's joint distribution; a probability is the share of them that does it.
+/// How the future is sampled: many possible courses of roll, pitch and vertical speed are drawn
+/// from the forecast's joint distribution; a probability is the share of them that does it.
 struct LevelOptions {
   double step_s = 0.1;  ///< between the times looked at, positive; also the windows' resolution
   int draws = 2000;     ///< even, at least 100; a probability of 0.95 is then known to 0.005
@@ -34,15 +34,16 @@ struct LevelWindow {
 
 /// What windows are sought.
 struct WindowOptions {
-  double min_duration_s = 1.5;    ///< shorter ones don't count; positive
-  double min_probability = 0.95;  ///< a window ends where it would fall below this; 0 … 1, exclusive
+  double min_duration_s = 1.5;  ///< shorter ones don't count; positive
+  double min_probability =
+      0.95;  ///< a window ends where it would fall below this; 0 … 1, exclusive
   LevelOptions level;
 };
 
 /// Disjoint windows between two times, in their order: from every beginning as far as the least
 /// probability allows, the longest first. Throws std::invalid_argument for a forecast without all
-/// axes, a time before its as_of_s, an end before the beginning, more than 2000 steps, and limits or
-/// options out of range.
+/// axes, a time before its as_of_s, an end before the beginning, more than 2000 steps, and limits
+/// or options out of range.
 std::vector<LevelWindow> level_windows(const DeckForecast& forecast, const LevelLimits& limits,
                                        double from_s, double to_s,
                                        const WindowOptions& options = {});

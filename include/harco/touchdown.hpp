@@ -27,7 +27,7 @@ struct HeightCommand {
 struct LinearDescent {
   double start_s = 0.0;
   double start_height_m = 0.0;
-  double speed_mps = 0.5;       ///< downwards, positive
+  double speed_mps = 0.5;  ///< downwards, positive
   double end_height_m = -0.2;
 
   /// The descent that meets the ground at `touchdown_s`.
@@ -40,13 +40,13 @@ struct LinearDescent {
 
 /// Section 4.4: proportional-differential control of the height.
 struct HeightController {
-  double p = 1.0;         ///< 1/s^2, the paper's
-  double d = 0.8;         ///< 1/s, the paper's
+  double p = 1.0;           ///< 1/s^2, the paper's
+  double d = 0.8;           ///< 1/s, the paper's
   double limit_mps2 = 3.0;  ///< greatest size of what it asks for, positive
 
-  /// Vertical acceleration to ask for, upwards, beyond what holds the weight: the command's own, and
-  /// p and d times the errors of height and rate, within the limit. Throws std::invalid_argument for
-  /// what isn't finite or a limit that isn't positive.
+  /// Vertical acceleration to ask for, upwards, beyond what holds the weight: the command's own,
+  /// and p and d times the errors of height and rate, within the limit. Throws
+  /// std::invalid_argument for what isn't finite or a limit that isn't positive.
   double acceleration(const HeightCommand& command, double height_m, double rate_mps) const;
 };
 
@@ -54,10 +54,10 @@ struct HeightController {
 
 /// Bounds of every planned motion.
 struct MotionLimits {
-  double speed_mps = 0.6;                 ///< greatest, up or down, positive
-  double acceleration_mps2 = 0.5;         ///< greatest of what is planned, positive
-  double abort_acceleration_mps2 = 1.5;   ///< greatest when turning back; above acceleration_mps2
-  double touch_speed_mps = 0.15;          ///< of the contact, downwards; positive, at most speed_mps
+  double speed_mps = 0.6;                ///< greatest, up or down, positive
+  double acceleration_mps2 = 0.5;        ///< greatest of what is planned, positive
+  double abort_acceleration_mps2 = 1.5;  ///< greatest when turning back; above acceleration_mps2
+  double touch_speed_mps = 0.15;         ///< of the contact, downwards; positive, at most speed_mps
 };
 
 /// A motion of constant accelerations, piece by piece; afterwards the last rate goes on. Its bounds
@@ -68,9 +68,9 @@ class Profile {
   /// The quickest to another height, at rest there.
   static Profile to_rest(double start_s, double height_m, double rate_mps, double target_m,
                          const MotionLimits& limits);
-  /// Touches the deck at `touchdown_s` with touch_speed_mps, never earlier. If there is time to stop
-  /// and wait first, it waits, then descends with the greatest speed; otherwise with the one that
-  /// fits. Empty if it's too early for any, or the vehicle too fast and too near.
+  /// Touches the deck at `touchdown_s` with touch_speed_mps, never earlier. If there is time to
+  /// stop and wait first, it waits, then descends with the greatest speed; otherwise with the one
+  /// that fits. Empty if it's too early for any, or the vehicle too fast and too near.
   static std::optional<Profile> to_touch(double start_s, double height_m, double rate_mps,
                                          double touchdown_s, const MotionLimits& limits);
 
@@ -79,8 +79,8 @@ class Profile {
   double start_s() const { return start_s_; }
   double descent_s() const { return descent_s_; }  ///< when waiting is over
   double end_s() const;                            ///< at rest, or touching
-  /// The first time from which abort_acceleration_mps2 can't keep the vehicle off the deck any more;
-  /// end_s() if there is none.
+  /// The first time from which abort_acceleration_mps2 can't keep the vehicle off the deck any
+  /// more; end_s() if there is none.
   double committed_s(const MotionLimits& limits) const;
 
  private:
@@ -105,17 +105,18 @@ class Profile {
 struct TouchdownOptions {
   MotionLimits motion;
   LevelLimits level;
-  WindowOptions windows;          ///< what windows count
-  double hold_height_m = 2.0;     ///< to wait at, and to climb to after an abort; positive
-  double look_ahead_s = 20.0;     ///< windows are sought this far from now, positive
+  WindowOptions windows;       ///< what windows count
+  double hold_height_m = 2.0;  ///< to wait at, and to climb to after an abort; positive
+  double look_ahead_s = 20.0;  ///< windows are sought this far from now, positive
   /// The deck must be level from this long before the planned contact to this long after it.
   double contact_s = 0.5;  ///< positive, at most half of windows.min_duration_s
   /// On the way down: below this probability of a level deck about the contact, the landing is
   /// aborted; 0 … 1, at most windows.min_probability.
   double abort_probability = 0.85;
   double max_forecast_age_s = 1.5;  ///< without a younger forecast a landing is aborted, positive
-  double max_deviation_m = 0.4;     ///< nor does it go on farther off the command than this, positive
-  double settle_m = 0.2;  ///< after contact, commands sink on to this far below the deck, not negative
+  double max_deviation_m = 0.4;  ///< nor does it go on farther off the command than this, positive
+  double settle_m =
+      0.2;  ///< after contact, commands sink on to this far below the deck, not negative
 };
 
 enum class TouchdownPhase {
@@ -129,8 +130,8 @@ enum class TouchdownPhase {
 /// The landing that is planned.
 struct TouchdownPlan {
   LevelWindow window;
-  double touchdown_s = 0.0;    ///< the window's middle
-  double probability = 0.0;    ///< of a level deck about the contact, by the newest forecast
+  double touchdown_s = 0.0;  ///< the window's middle
+  double probability = 0.0;  ///< of a level deck about the contact, by the newest forecast
   Profile profile;
 };
 

@@ -37,7 +37,7 @@ constexpr double kFadeRates[] = {0.0,      1 / 200., 1 / 100., 1 / 50., 1 / 30.,
                                  1 / 14.0, 1 / 10.0, 1 / 7.0,  1 / 5.0, 1 / 3.0, 1 / 2.0};
 constexpr std::size_t kFades = std::size(kFadeRates);
 // Held-back samples are worth one independent trial each so many seconds: errors of forecasts last.
-constexpr double kTrialEvery_s = 4.0;
+constexpr double kTrialEvery_s = 7.0;
 constexpr double kLeastWeight = 0.03;  // over the greatest
 constexpr std::size_t kMostBeliefs = 6;
 constexpr int kTrialSamples = 600;
@@ -54,8 +54,7 @@ double measured_noise(const std::vector<SeriesSample>& samples) {
     const double span_s = after.time_s - before.time_s;
     if (span_s <= 0.0) continue;
     const double share = (samples[i].time_s - before.time_s) / span_s;
-    const double error =
-        samples[i].value - (1.0 - share) * before.value - share * after.value;
+    const double error = samples[i].value - (1.0 - share) * before.value - share * after.value;
     const double sd = std::hypot(samples[i].sd, (1.0 - share) * before.sd, share * after.sd);
     scatter.push_back(std::abs(error) / sd);
   }
@@ -71,15 +70,13 @@ Miss miss(const Wander& wander, const Wander::State& now, const SeriesSample& la
   const double h = later.time_s - now.time_s;
   const Eigen::VectorXd row = wander.value_row(later.time_s);
   const Eigen::VectorXd here = wander.seen_before(row, h);
-  return {later.value - here.dot(now.mean), here.dot(now.covariance * here) +
-                                                wander.gained_variance(row, h) +
-                                                later.sd * later.sd};
+  return {later.value - here.dot(now.mean),
+          here.dot(now.covariance * here) + wander.gained_variance(row, h) + later.sd * later.sd};
 }
 
 /// Mean log-likelihood of forecasts over several horizons, made from every time past the first
 /// `known` samples. Of three neighbouring samples the middle error counts, so outliers don't.
-double foretold(const Wander& wander, const std::vector<SeriesSample>& samples,
-                std::size_t known) {
+double foretold(const Wander& wander, const std::vector<SeriesSample>& samples, std::size_t known) {
   Wander::State state = wander.before_all(samples.front().time_s);
   double sum = 0.0;
   int count = 0;
@@ -146,18 +143,18 @@ std::vector<Choice> choose(const std::vector<SeriesSample>& samples, int most,
     for (const auto* all : {&samples, &backwards}) {
       const auto known = static_cast<std::size_t>(share * static_cast<double>(all->size()));
       const double held_back_s = all->back().time_s - (*all)[known - 1].time_s;
-      const auto fits = fit_orders(
-          {all->begin(), all->begin() + static_cast<std::ptrdiff_t>(known)}, options);
+      const auto fits =
+          fit_orders({all->begin(), all->begin() + static_cast<std::ptrdiff_t>(known)}, options);
       for (Choice& choice : choices) {
         const auto order = std::min(static_cast<std::size_t>(choice.order), fits.size() - 1);
         choice.weight += held_back_s / kTrialEvery_s *
                          foretold(Wander(fits[order], choice.fade_rate), *all, known);
       }
     }
-  const double best = std::max_element(choices.begin(), choices.end(), [](const auto& a,
-                                                                          const auto& b) {
-                        return a.weight < b.weight;
-                      })->weight;
+  const double best =
+      std::max_element(choices.begin(), choices.end(), [](const auto& a, const auto& b) {
+        return a.weight < b.weight;
+      })->weight;
   for (Choice& choice : choices) choice.weight = std::exp(choice.weight - best);
   return greatest(std::move(choices));
 }
@@ -256,8 +253,7 @@ std::pair<double, double> moments(const std::vector<Belief>& beliefs, double tim
 AxisState AxisForecast::at(double time_s) const {
   require_future(as_of_s(), time_s);
   AxisState then;
-  std::tie(then.value, then.value_sd) =
-      moments(knowledge_->beliefs, time_s, &Wander::value_row);
+  std::tie(then.value, then.value_sd) = moments(knowledge_->beliefs, time_s, &Wander::value_row);
   std::tie(then.rate, then.rate_sd) = moments(knowledge_->beliefs, time_s, &Wander::rate_row);
   return then;
 }
@@ -344,8 +340,7 @@ Eigen::MatrixXd drawn(const std::vector<Belief>& beliefs, const std::vector<doub
   }
   // Axes are combined row by row: which belief a row comes from must not be the same for all.
   for (Eigen::Index row = draws - 1; row > 0; --row) {
-    const auto other =
-        static_cast<Eigen::Index>(engine() % static_cast<std::uint64_t>(row + 1));
+    const auto other = static_cast<Eigen::Index>(engine() % static_cast<std::uint64_t>(row + 1));
     courses.row(row).swap(courses.row(other));
   }
   return courses;

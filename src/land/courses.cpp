@@ -17,8 +17,7 @@ LevelTable draw_level(const DeckForecast& forecast, const LevelLimits& limits,
   if (!std::isinf(limits.pitch_rad))
     hold(forecast.axes[kPitch].draw_values(times_s, options.draws, seed + 1), limits.pitch_rad);
   if (!std::isinf(limits.heave_rate_mps))
-    hold(forecast.axes[kHeave].draw_rates(times_s, options.draws, seed + 2),
-         limits.heave_rate_mps);
+    hold(forecast.axes[kHeave].draw_rates(times_s, options.draws, seed + 2), limits.heave_rate_mps);
   return level;
 }
 

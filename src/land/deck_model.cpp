@@ -36,9 +36,9 @@ DeckModel::DeckModel(const DeckOptions& options) : options_(options) {
 }
 
 bool DeckModel::add(const DeckSample& sample) {
-  require(std::isfinite(sample.time_s) && sample.motion.allFinite() &&
-              sample.covariance.allFinite(),
-          "a sample must be finite");
+  require(
+      std::isfinite(sample.time_s) && sample.motion.allFinite() && sample.covariance.allFinite(),
+      "a sample must be finite");
   require((sample.covariance.diagonal().array() > 0.0).all(),
           "a sample's variances must be positive");
   if (!samples_.empty() && sample.time_s < samples_.back().time_s - options_.window_s) return false;
@@ -48,8 +48,7 @@ bool DeckModel::add(const DeckSample& sample) {
   for (auto same = place; same != samples_.begin() && (same - 1)->time_s == sample.time_s; --same)
     if ((same - 1)->motion == sample.motion) return false;
   samples_.insert(place, sample);
-  while (samples_.front().time_s < samples_.back().time_s - options_.window_s)
-    samples_.pop_front();
+  while (samples_.front().time_s < samples_.back().time_s - options_.window_s) samples_.pop_front();
   return true;
 }
 
@@ -103,9 +102,9 @@ void DeckModel::validate() {
     if (judging) validation_ = judge(judged);
   }
   if (!judging) return;
-  const bool good = std::all_of(
-      validation_->normalised.begin(), validation_->normalised.end(),
-      [&](double normalised) { return normalised <= options_.max_normalised; });
+  const bool good =
+      std::all_of(validation_->normalised.begin(), validation_->normalised.end(),
+                  [&](double normalised) { return normalised <= options_.max_normalised; });
   phase_ = good ? DeckPhase::ready : DeckPhase::validating;
 }
 

@@ -13,7 +13,8 @@ inline constexpr double kMadToSd = 1.4826;  ///< median absolute value -> sd, fo
 /// Throws std::invalid_argument, naming the field, for options out of range.
 void check(const OscillationOptions& options);
 
-/// Ascending in time, otherwise in the order given. Throws std::invalid_argument as fit_orders says.
+/// Ascending in time, otherwise in the order given. Throws std::invalid_argument as fit_orders
+/// says.
 std::vector<SeriesSample> sorted(std::vector<SeriesSample> samples);
 
 /// At most `most` of them, evenly chosen; first and last stay.

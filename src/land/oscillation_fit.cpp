@@ -168,8 +168,7 @@ OscillationFit refit_oscillation(std::vector<SeriesSample> samples, const Oscill
   Oscillation moved = start;
   moved.epoch_s = samples.back().time_s;
   for (Sinusoid& part : moved.parts)
-    part.phase =
-        std::remainder(part.phase + part.rate * (moved.epoch_s - start.epoch_s), kTwoPi);
+    part.phase = std::remainder(part.phase + part.rate * (moved.epoch_s - start.epoch_s), kTwoPi);
   return solved(samples, moved, options);
 }
 

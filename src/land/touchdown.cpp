@@ -23,10 +23,10 @@ bool positive(double value) { return value > 0.0 && std::isfinite(value); }
 TouchdownPlanner::TouchdownPlanner(const TouchdownOptions& options) : options_(options) {
   const MotionLimits& motion = options.motion;
   check(motion);
-  require(positive(options.hold_height_m) &&
-              options.hold_height_m * 2.0 * motion.acceleration_mps2 >
-                  motion.touch_speed_mps * motion.touch_speed_mps,
-          "hold_height_m must be positive, and enough to reach the touch speed");
+  require(
+      positive(options.hold_height_m) && options.hold_height_m * 2.0 * motion.acceleration_mps2 >
+                                             motion.touch_speed_mps * motion.touch_speed_mps,
+      "hold_height_m must be positive, and enough to reach the touch speed");
   require(positive(options.look_ahead_s), "look_ahead_s must be positive");
   require(positive(options.contact_s) && 2.0 * options.contact_s <= options.windows.min_duration_s,
           "contact_s must be positive and at most half of the windows' min_duration_s");
@@ -53,7 +53,7 @@ TouchdownPhase TouchdownPlanner::phase(double time_s) const {
                                                 : TouchdownPhase::holding;
   if (time_s < plan_->profile.descent_s()) return TouchdownPhase::waiting;
   return time_s < plan_->profile.committed_s(options_.motion) ? TouchdownPhase::descending
-                                                               : TouchdownPhase::committed;
+                                                              : TouchdownPhase::committed;
 }
 
 void TouchdownPlanner::hold(double now_s, const HeightCommand& from, bool climbing) {
@@ -78,8 +78,8 @@ std::optional<TouchdownPlan> TouchdownPlanner::plan_for(const LevelWindow& windo
   const bool holding = !plan_ || now_s < plan_->profile.start_s();
   std::optional<Profile> profile;
   if (const double held_s = hold_->end_s(); holding && held_s > now_s)
-    profile = Profile::to_touch(held_s, hold_->at(held_s).height_m, 0.0, touchdown_s,
-                                options_.motion);
+    profile =
+        Profile::to_touch(held_s, hold_->at(held_s).height_m, 0.0, touchdown_s, options_.motion);
   if (!profile)
     profile = Profile::to_touch(now_s, from.height_m, from.rate_mps, touchdown_s, options_.motion);
   if (!profile) return std::nullopt;
@@ -87,8 +87,7 @@ std::optional<TouchdownPlan> TouchdownPlanner::plan_for(const LevelWindow& windo
 }
 
 /// Follows the window if it slips; gives the plan up if the deck may not be level at its contact.
-void TouchdownPlanner::review(double now_s, const HeightCommand& from,
-                              const DeckForecast& forecast,
+void TouchdownPlanner::review(double now_s, const HeightCommand& from, const DeckForecast& forecast,
                               const std::vector<LevelWindow>& windows) {
   const bool descending = phase(now_s) == TouchdownPhase::descending;
   // Windows that reach the ends of the time looked at have their middles anywhere.
@@ -135,9 +134,8 @@ void TouchdownPlanner::update(double now_s, double height_m, double rate_mps,
   if (astray || (plan_ && !fresh)) hold(now_s, from, false);
   if (!fresh) return;
 
-  const std::vector<LevelWindow> windows =
-      level_windows(*forecast, options_.level, now_s, now_s + options_.look_ahead_s,
-                    options_.windows);
+  const std::vector<LevelWindow> windows = level_windows(
+      *forecast, options_.level, now_s, now_s + options_.look_ahead_s, options_.windows);
   if (plan_) review(now_s, from, *forecast, windows);
   if (plan_ || phase(now_s) == TouchdownPhase::aborting) return;
   for (const LevelWindow& window : windows)

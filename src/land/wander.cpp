@@ -6,8 +6,8 @@
 namespace harco {
 namespace {
 
-constexpr double kAlphaSd = 0.1;        // rad/s, how far the fit may be off before all samples
-constexpr double kMeanShare = 9.0;      // variance of the mean before all samples, over the motion's
+constexpr double kAlphaSd = 0.1;    // rad/s, how far the fit may be off before all samples
+constexpr double kMeanShare = 9.0;  // variance of the mean before all samples, over the motion's
 constexpr double kLeastVariance = 1e-18;
 constexpr double kContradiction = 4.0;  // standard deviations
 
@@ -32,8 +32,7 @@ Wander::Step Wander::step(double h) const {
 Wander::Wander(const OscillationFit& fit, double fade_rate)
     : base_(fit.oscillation), fade_rate_(fade_rate) {
   double explained = kLeastVariance;
-  for (const Sinusoid& part : base_.parts)
-    explained += 0.5 * part.amplitude * part.amplitude;
+  for (const Sinusoid& part : base_.parts) explained += 0.5 * part.amplitude * part.amplitude;
   // What the fit leaves over beyond the noise is motion too: amplitudes that wandered within the
   // samples look smaller to the fit than they are.
   const double noise = fit.rms / std::max(1.0, fit.scale);
@@ -129,8 +128,8 @@ Eigen::VectorXd Wander::rate_row(double time_s) const {
     const double cosine = std::cos(angle + part.phase);
     const double sine = std::sin(angle + part.phase);
     const Left now = left(since);
-    row[alpha(i)] = part.amplitude * ((cosine - part.rate * since * sine) * now.value +
-                                      since * cosine * now.rate);
+    row[alpha(i)] = part.amplitude *
+                    ((cosine - part.rate * since * sine) * now.value + since * cosine * now.rate);
   }
   return row;
 }

@@ -28,8 +28,8 @@ class Wander {
 
   State before_all(double time_s) const;
   void advance(State& state, double time_s) const;
-  /// Takes a value at the state's time with an error of standard deviation `sd`; one that contradicts
-  /// the state by far counts the less.
+  /// Takes a value at the state's time with an error of standard deviation `sd`; one that
+  /// contradicts the state by far counts the less.
   void learn(State& state, double value, double sd) const;
 
   /// Vectors whose product with the state at a time is the value then, and its rate of change.

@@ -18,14 +18,23 @@ run(${CMAKE_COMMAND} -G Ninja -S ${CMAKE_CURRENT_LIST_DIR} -B ${by_cmake}
   -DCMAKE_PREFIX_PATH=${prefix} -DCMAKE_CXX_COMPILER=${CXX} -DCMAKE_CXX_FLAGS=${CXX_FLAGS})
 run(${CMAKE_COMMAND} --build ${by_cmake})
 run(${by_cmake}/consumer)
+if(EXISTS ${by_cmake}/lander)
+  run(${by_cmake}/lander)
+endif()
 
 set(ENV{PKG_CONFIG_PATH} ${prefix}/${LIBDIR}/pkgconfig)
 set(ENV{LD_LIBRARY_PATH} ${prefix}/${LIBDIR})
-execute_process(COMMAND pkg-config --cflags --libs harco
-  OUTPUT_VARIABLE flags OUTPUT_STRIP_TRAILING_WHITESPACE COMMAND_ERROR_IS_FATAL ANY)
-separate_arguments(flags UNIX_COMMAND "${CXX_FLAGS} ${flags}")
-run(${CXX} -std=c++17 ${CMAKE_CURRENT_LIST_DIR}/main.cpp -o ${by_pkg_config}/consumer ${flags})
-run(${by_pkg_config}/consumer)
+function(run_by_pkg_config program source package)
+  execute_process(COMMAND pkg-config --cflags --libs ${package}
+    OUTPUT_VARIABLE flags OUTPUT_STRIP_TRAILING_WHITESPACE COMMAND_ERROR_IS_FATAL ANY)
+  separate_arguments(flags UNIX_COMMAND "${CXX_FLAGS} ${flags}")
+  run(${CXX} -std=c++17 ${CMAKE_CURRENT_LIST_DIR}/${source} -o ${by_pkg_config}/${program} ${flags})
+  run(${by_pkg_config}/${program})
+endfunction()
+run_by_pkg_config(consumer main.cpp harco)
+if(EXISTS ${prefix}/${LIBDIR}/pkgconfig/harco-land.pc)
+  run_by_pkg_config(lander lander.cpp harco-land)
+endif()
 
 if(EXISTS ${prefix}/bin/harco)
   unset(ENV{LD_LIBRARY_PATH})
