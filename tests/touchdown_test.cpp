@@ -182,7 +182,7 @@ TouchdownOptions only_roll() {
   TouchdownOptions options;
   options.level = {0.05, kAny, kAny};
   options.windows.min_duration_s = 0.9;
-  options.windows.level.draws = 400;
+  options.windows.level.draws = 300;
   options.contact_s = 0.3;
   options.hold_height_m = 1.0;
   options.max_forecast_age_s = 100.0;

@@ -35,7 +35,6 @@ constexpr double kOriginEvery_s = 0.7;
 // 0: for ever as it is. The others: what it was is forgotten after 1 / rate seconds.
 constexpr double kFadeRates[] = {0.0,      1 / 200., 1 / 100., 1 / 50., 1 / 30., 1 / 20.,
                                  1 / 14.0, 1 / 10.0, 1 / 7.0,  1 / 5.0, 1 / 3.0, 1 / 2.0};
-constexpr std::size_t kFades = std::size(kFadeRates);
 // Held-back samples are worth one independent trial each so many seconds: errors of forecasts last.
 constexpr double kTrialEvery_s = 7.0;
 constexpr double kLeastWeight = 0.03;  // over the greatest

@@ -9,7 +9,7 @@ int main() {
   for (int i = 0; i < 400; ++i) {
     harco::DeckSample sample;
     sample.time_s = 0.1 * i;
-    sample.motion << 0.08 * std::sin(1.0 * sample.time_s), 0.05 * std::sin(0.8 * sample.time_s),
+    sample.motion << 0.08 * std::sin(0.6 * sample.time_s), 0.05 * std::sin(0.5 * sample.time_s),
         0.0;
     sample.motion[i % 3] += i % 2 == 0 ? 1e-3 : -1e-3;
     sample.covariance = 1e-6 * Eigen::Matrix3d::Identity();
