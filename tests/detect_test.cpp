@@ -115,6 +115,24 @@ INSTANTIATE_TEST_SUITE_P(Sets, RoundTrip,
                          ::testing::Values(Case{4, 1}, Case{4, 2}, Case{5, 1}, Case{5, 2},
                                            Case{5, 3}, Case{6, 2}, Case{7, 1}, Case{8, 1}));
 
+TEST(Detector, SaysWhenAFrameHasTooManyQuads) {
+  MarkerSet set;
+  set.cells = 5;
+  set.parents = {{0.1, {4, -1, parse_code("1010101100111010011011011"), {}}}};
+  Detector detector(set);
+  Image wall(750, 480, 220);
+  EXPECT_TRUE(detector.detect(wall.view()).empty());
+  EXPECT_EQ(detector.statistics().quads, 0U);
+  EXPECT_FALSE(detector.statistics().budget_reached);
+  // 37 x 24 = 888 dark tiles that stand apart; the budget is 300 + 360.
+  for (int y = 0; y < wall.height; ++y)
+    for (int x = 0; x < wall.width; ++x)
+      if (x % 20 >= 4 && x % 20 < 16 && y % 20 >= 4 && y % 20 < 16 && x < 740) wall.row(y)[x] = 20;
+  EXPECT_TRUE(detector.detect(wall.view()).empty());
+  EXPECT_EQ(detector.statistics().quads, 888U);
+  EXPECT_TRUE(detector.statistics().budget_reached);
+}
+
 TEST(Detector, FindsMarkersThroughADistortingLens) {
   const MarkerSet set = make_set(5, 2);
   lab::Scene scene;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <memory>
 #include <optional>
 #include <string>
@@ -91,6 +92,16 @@ struct DetectionTrace {
   std::vector<Candidate> candidates;
 };
 
+/// What the last frame was like for the detector.
+struct DetectorStatistics {
+  double noise = 0.0;     ///< standard deviation in grey levels, from the evenest parts
+  std::size_t quads = 0;  ///< quadrilaterals found
+
+  /// There were more quads than a frame's budget, which is 300 and one for every 1000 pixels: only
+  /// the largest ones were looked at. Tiled walls and pages of print do that.
+  bool budget_reached = false;
+};
+
 /// Finds the markers of one set. It owns its scratch memory: use one a thread.
 class Detector {
  public:
@@ -108,6 +119,7 @@ class Detector {
   /// std::invalid_argument for an empty view, or one whose size is not the camera's.
   std::vector<Detection> detect(const ImageView& image, DetectionTrace* trace = nullptr);
 
+  const DetectorStatistics& statistics() const;  ///< of the last frame
   const MarkerSet& markers() const;
   const std::vector<PlacedMarker>& placed() const;
   const DetectorOptions& options() const;

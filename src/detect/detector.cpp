@@ -100,6 +100,16 @@ class ShapeIndex {
 
   const std::vector<Shape>& shapes() const { return shapes_; }
 
+  /// Keeps the `most` largest ones. False if there were no more anyway.
+  bool limit(std::size_t most) {
+    if (shapes_.size() <= most) return false;
+    std::stable_sort(shapes_.begin(), shapes_.end(), [](const Shape& a, const Shape& b) {
+      return detect::mean_side(a.corners) > detect::mean_side(b.corners);
+    });
+    shapes_.resize(most);
+    return true;
+  }
+
  private:
   static constexpr int kCell = 16;  // pixels
 
@@ -115,6 +125,14 @@ class ShapeIndex {
   std::vector<std::vector<int>> buckets_;
   std::vector<Shape> shapes_;
 };
+
+/// How many shapes of one frame are looked at closely. Walls of tiles and pages of print have more.
+std::size_t most_shapes(const ImageView& image) {
+  constexpr std::size_t kPixelsPerShape = 1000;
+  const auto pixels =
+      static_cast<std::size_t>(image.width()) * static_cast<std::size_t>(image.height());
+  return 300 + pixels / kPixelsPerShape;
+}
 
 Image picture_of(const detect::DarkMap& map) {
   Image picture(map.width(), map.height(), 255);
@@ -203,6 +221,7 @@ struct Detector::Impl {
   std::vector<Candidate> candidates;
   std::vector<Found> found;
   std::vector<Match> matches;
+  DetectorStatistics statistics;
 };
 
 void Detector::Impl::find_shapes(const ImageView& image, DetectionTrace* trace) {
@@ -210,21 +229,24 @@ void Detector::Impl::find_shapes(const ImageView& image, DetectionTrace* trace) 
   threshold.measure(image);
   detect::ContourLimits limits;
   limits.min_extent = 0.5 * options.min_side_px;  // of a steep marker's bounding box
-  limits.min_points = static_cast<std::size_t>(2.5 * options.min_side_px);
+  limits.min_points = static_cast<std::size_t>(2.8 * options.min_side_px);
   limits.holes = !child_books.empty();
   limits.islands = !parent_books.empty();
-  const double smallest = 0.25 * options.min_side_px * options.min_side_px;
+  limits.min_area = 0.25 * options.min_side_px * options.min_side_px;
   for (std::size_t level = 0; level < detect::Threshold::kLevels.size(); ++level) {
     if (trace) trace->binary.push_back(picture_of(threshold.map(level)));
+    limits.islands = !parent_books.empty() && level != detect::Threshold::kLineLevel;
     follower.start(threshold, level, limits);
     while (const detect::Contour* contour = follower.next_convex()) {
       if (trace) trace->contours.push_back(contour->points);
-      if (contour->area < smallest) continue;
       const auto quad = detect::fit_quad(*contour);
       if (!quad || detect::mean_side(*quad) < 0.8 * options.min_side_px) continue;
       shapes.add({*quad, contour->hole});
     }
   }
+  statistics.noise = threshold.noise();
+  statistics.quads = shapes.shapes().size();
+  statistics.budget_reached = shapes.limit(most_shapes(image));
 }
 
 /// A code that had to be corrected needs a better picture: each bit takes away three fifths of what
@@ -484,6 +506,7 @@ std::vector<Detection> Detector::detect(const ImageView& image, DetectionTrace* 
   return impl_->detect(image, trace);
 }
 
+const DetectorStatistics& Detector::statistics() const { return impl_->statistics; }
 const MarkerSet& Detector::markers() const { return impl_->markers; }
 const std::vector<PlacedMarker>& Detector::placed() const { return impl_->placed; }
 const DetectorOptions& Detector::options() const { return impl_->options; }

@@ -89,7 +89,7 @@ void Threshold::find_dark(int band) {
   std::uint8_t* high = near_high_.data() + first;
   kernels::tile_extremes_nearby(bands, columns_, low, high);
   for (std::size_t level = 0; level < kLevels.size(); ++level) {
-    kernels::tile_thresholds(low, high, columns_, kLevels[level], min_contrast_,
+    kernels::tile_thresholds(low, high, columns_, kLevels[level].sixteenths, least_contrast(level),
                              thresholds_.data());
     const int end = std::min((band + 1) * kTile, image_.height());
     for (int y = band * kTile; y < end; ++y)

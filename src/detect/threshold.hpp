@@ -59,10 +59,15 @@ int contrast_above_noise(double noise);
 /// makes, everything counts as bright.
 class Threshold {
  public:
-  /// Where the thresholds lie between darkest and brightest, in sixteenths. The middle finds wide
-  /// structure without bias, the higher one holds thin dark lines of small children together, the
-  /// lower one finds markers in shade beside sunlit ground.
-  static constexpr std::array kLevels{8, 11, 5};
+  struct Level {
+    int sixteenths;      ///< where the threshold lies between darkest (0) and brightest (16)
+    int least_contrast;  ///< grey levels; noise may ask for more
+  };
+  /// The middle finds wide structure without bias. The higher one holds thin dark lines of small
+  /// children together. The lower one finds markers in shade beside sunlit ground, where there is
+  /// a third grey between the two.
+  static constexpr std::array<Level, 3> kLevels{{{8, 16}, {11, 16}, {5, 48}}};
+  static constexpr std::size_t kLineLevel = 1;
   static constexpr int kScale = 16;
 
   /// Reads the image, whose pixels have to stay where they are for as long as distances are asked
@@ -73,23 +78,37 @@ class Threshold {
   /// tiles.
   double noise() const { return noise_; }
 
+  const ImageView& image() const { return image_; }
+
+  /// Between the darkest and the brightest grey near a pixel of the image.
+  int contrast(int x, int y) const {
+    const std::size_t tile = tile_of(x, y);
+    return near_high_[tile] - near_low_[tile];
+  }
+
   const DarkMap& map(std::size_t level) const { return maps_[level]; }
 
   /// Signed distance of a pixel from its threshold, in grey levels x kScale: negative is dark.
   /// Valid everywhere, bright outside of the image.
   int distance(std::size_t level, int x, int y) const {
     if (x < 0 || y < 0 || x >= image_.width() || y >= image_.height()) return 1;
-    const auto tile = static_cast<std::size_t>(y / kTile) * static_cast<std::size_t>(columns_) +
-                      static_cast<std::size_t>(x / kTile);
+    const std::size_t tile = tile_of(x, y);
     const int low = near_low_[tile];
     const int contrast = near_high_[tile] - low;
-    if (contrast < min_contrast_) return 1;
-    return kScale * (image_(x, y) - low) - contrast * kLevels[level];
+    if (contrast < least_contrast(level)) return 1;
+    return kScale * (image_(x, y) - low) - contrast * kLevels[level].sixteenths;
   }
 
  private:
   static constexpr int kTile = kernels::kTile;
 
+  std::size_t tile_of(int x, int y) const {
+    return static_cast<std::size_t>(y / kTile) * static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(x / kTile);
+  }
+  int least_contrast(std::size_t level) const {
+    return std::max(kLevels[level].least_contrast, min_contrast_);
+  }
   void measure_noise();
   void measure_band(int band);
   void find_dark(int band);
