@@ -90,9 +90,24 @@ struct Setting {
   double most_tilt_deg = 50.0;
   int frames = 24;
   std::function<void(lab::Scene&)> change_scene = [](lab::Scene&) {};
+  /// What lens, motion and sensor make of the exact picture, before its noise.
+  std::function<void(lab::FloatImage&)> change_exact;
   /// Before detection: what hides or dims the marker. Told where its middle is seen.
   std::function<void(Image&, const Vector2d&)> change_image = [](Image&, const Vector2d&) {};
 };
+
+/// lab::render with a change before the noise.
+Image changed(const lab::Scene& scene, const Setting& setting, std::uint64_t seed) {
+  lab::FloatImage exact = lab::render_exact(scene, markers());
+  setting.change_exact(exact);
+  Image image(exact.width, exact.height);
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> noise(0.0, scene.noise_sigma);
+  for (std::size_t i = 0; i < image.pixels.size(); ++i)
+    image.pixels[i] = static_cast<std::uint8_t>(
+        std::lround(std::clamp(static_cast<double>(exact.pixels[i]) + noise(random), 0.0, 255.0)));
+  return image;
+}
 
 Series run(const Setting& setting) {
   Series series;
@@ -113,7 +128,8 @@ Series run(const Setting& setting) {
                             turn * unit(random), turn * unit(random));
     scene.parents = {{0, truth}};
     setting.change_scene(scene);
-    Image image = lab::render(scene, markers(), random());
+    Image image = setting.change_exact ? changed(scene, setting, random())
+                                       : lab::render(scene, markers(), random());
     const Vector3d middle(0.5 * kSide, 0.5 * kSide, 0.0);
     setting.change_image(image, *setting.camera.project(truth * middle));
     const std::vector<Detection> detections = detector.detect(image.view());
@@ -343,6 +359,70 @@ TEST(Align, LeavesOutAnOccluder) {
   expect_good(series, setting.frames);
   EXPECT_LT(median(series.share), 0.95 * median(clear.share));
   EXPECT_LT(median(series.angle), 2.0 * median(clear.angle));
+}
+
+TEST(Align, FollowsAMotion) {
+  Setting setting;
+  setting.frames = 12;
+  setting.change_exact = [](lab::FloatImage& image) {
+    // Six pixels along a diagonal: (-1.8, -2.4) to (1.8, 2.4) in steps of a tenth.
+    lab::FloatImage smeared(image.width, image.height, 0.0F);
+    constexpr int kSteps = 60;
+    for (int k = 0; k < kSteps; ++k) {
+      const double at = (k + 0.5) / kSteps - 0.5;
+      const double dx = 3.6 * at, dy = 4.8 * at;
+      const int ix = static_cast<int>(std::floor(dx)), iy = static_cast<int>(std::floor(dy));
+      const auto fx = static_cast<float>(dx - ix), fy = static_cast<float>(dy - iy);
+      for (int y = 4; y < image.height - 4; ++y) {
+        const float *a = image.row(y + iy) + ix, *b = image.row(y + iy + 1) + ix;
+        for (int x = 4; x < image.width - 4; ++x)
+          smeared.row(y)[x] += ((1 - fy) * ((1 - fx) * a[x] + fx * a[x + 1]) +
+                                fy * ((1 - fx) * b[x] + fx * b[x + 1])) /
+                               kSteps;
+      }
+    }
+    image = smeared;
+  };
+  const Series series = run(setting);
+  ASSERT_GE(series.frames, setting.frames - 2);
+  EXPECT_GE(series.aligned, series.frames - 1);
+  EXPECT_LT(median(series.angle), 0.5 * median(series.corner_angle));
+  EXPECT_LT(series.mean_normalised(), 12.0);
+}
+
+TEST(Align, FollowsTheCamerasResponse) {
+  Setting setting;
+  setting.change_exact = [](lab::FloatImage& image) {
+    for (float& value : image.pixels) value = 255.0F * std::pow(value / 255.0F, 1.0F / 2.2F);
+  };
+  expect_good(run(setting), setting.frames);
+}
+
+/// Where only a single child was found, the rest of the sheet is seen all the same.
+TEST(Align, GrowsFromAChild) {
+  const Camera camera = Camera::pinhole(640, 480, 700.0);
+  DetectorOptions options;
+  options.camera = camera;
+  Detector detector(markers(), options);
+  int children = 0, as_good = 0;
+  for (int k = 0; k < 12; ++k) {
+    lab::Scene scene;
+    scene.camera = camera;
+    const Isometry3d truth = lab::look_at_marker({0.33, 0.36}, 3.0, 0.05 * k, 0.5 * k, 0.3 * k);
+    scene.parents = {{0, truth}};
+    const Image image = lab::render(scene, markers(), static_cast<std::uint64_t>(k));
+    std::vector<Detection> all = detector.detect(image.view()), child;
+    for (const Detection& seen : all)
+      if (seen.layer == 2 && child.empty()) child.push_back(seen);
+    if (child.empty()) continue;
+    ++children;
+    const Pose whole = estimate_poses(image.view(), all, markers(), camera).at(0);
+    const Pose grown = estimate_poses(image.view(), child, markers(), camera).at(0);
+    const Vector6d apart = error_of(grown.camera_T_marker, whole.camera_T_marker);
+    if (grown.aligned && apart.dot(whole.covariance->ldlt().solve(apart)) < 1.0) ++as_good;
+  }
+  EXPECT_GE(children, 10);
+  EXPECT_GE(as_good, children - 1);
 }
 
 // --- when not to --------------------------------------------------------------------------------

@@ -9,6 +9,7 @@
 #include "detect/kernels/dark_bits.hpp"
 #include "detect/kernels/tile_extremes.hpp"
 #include "detect/kernels/tile_thresholds.hpp"
+#include "pose/kernels/patch_loops.hpp"
 
 namespace harco::detect::kernels {
 namespace {
@@ -133,6 +134,71 @@ TEST(Kernels, DarkBitsAreTheSameOnEveryTarget) {
       ASSERT_EQ(bits, by_hand) << width;
     }
   });
+}
+
+/// What a function makes of floats, the same on every instruction set.
+template <typename Compute>
+void expect_same_bits(const Compute& compute) {
+  std::vector<float> first;
+  on_every_target([&] {
+    const std::vector<float> now = compute();
+    if (first.empty()) first = now;
+    EXPECT_EQ(now, first);
+  });
+  EXPECT_FALSE(first.empty());
+}
+
+std::vector<float> random_floats(std::size_t count, std::uint32_t seed) {
+  std::mt19937 random(seed);
+  std::vector<float> values(count);
+  for (float& value : values) value = static_cast<float>(random()) * 0x1p-31F - 1.0F;
+  return values;
+}
+
+TEST(Kernels, WeightedProductsAreTheSameOnEveryTarget) {
+  using harco::kernels::weighted_products;
+  for (std::size_t count = 0; count < 40; ++count) {
+    const auto weights = random_floats(count, 1), row = random_floats(count, 2);
+    std::vector<std::vector<float>> columns;
+    std::vector<const float*> pointers;
+    for (std::uint32_t k = 0; k < 7; ++k) columns.push_back(random_floats(count, 3 + k));
+    for (const auto& column : columns) pointers.push_back(column.data());
+    const auto compute = [&] {
+      std::vector<float> scratch(count), sums(columns.size());
+      weighted_products(weights.data(), row.data(), pointers.data(), columns.size(), count,
+                        scratch.data(), sums.data());
+      return sums;
+    };
+    expect_same_bits(compute);
+    const std::vector<float> sums = compute();
+    for (std::size_t k = 0; k < columns.size(); ++k) {
+      double sum = 0.0;
+      for (std::size_t i = 0; i < count; ++i)
+        sum += static_cast<double>(weights[i]) * static_cast<double>(row[i]) *
+               static_cast<double>(columns[k][i]);
+      EXPECT_NEAR(static_cast<double>(sums[k]), sum, 1e-5);
+    }
+  }
+}
+
+TEST(Kernels, BlurredPatchesAreTheSameOnEveryTarget) {
+  using harco::kernels::kSide;
+  for (const std::size_t margin : {1U, 2U, 5U}) {
+    const std::size_t size = 2 * (kSide + 2 * margin), stride = size + 2;
+    const auto grid = random_floats(size * stride, 4);
+    const auto value = random_floats(2 * margin, 5), slope = random_floats(2 * margin, 6),
+               bend = random_floats(2 * margin, 7);
+    expect_same_bits([&] {
+      constexpr std::size_t kArea = kSide * kSide;
+      std::vector<float> scratch((2 + 6 * kSide) * size), out(6 * kArea);
+      harco::kernels::blur_patch(grid.data(), stride, margin,
+                                 {value.data(), slope.data(), bend.data(), value.size()},
+                                 scratch.data(),
+                                 {&out[0], &out[kArea], &out[2 * kArea], &out[3 * kArea],
+                                  &out[4 * kArea], &out[5 * kArea]});
+      return out;
+    });
+  }
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
+#include "pose/kernels/patch_loops.hpp"
 #include "pose/refine.hpp"
 
 namespace harco {
@@ -24,22 +25,27 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix26d = Eigen::Matrix<double, 2, 6>;
 
 // What is solved for: (dt, w); the blur's second moments (the first alone where it is round); how
-// the camera's response bends; the levels of black and of white, each a plane over the marker.
-constexpr int kPose = 6, kBlur = 6, kGamma = 9, kBlack = 10, kWhite = 13, kUnknowns = 16;
+// the camera's response bends; the levels of black, a plane over the marker, and of white, a
+// parabola.
+constexpr int kPose = 6, kBlur = 6, kGamma = 9, kBlack = 10, kWhite = 13, kUnknowns = 19;
 using Row = Eigen::Matrix<double, kUnknowns, 1>;
 using Normal = Eigen::Matrix<double, kUnknowns, kUnknowns>;
-using Levels = Eigen::Matrix<double, 6, 1>;
+constexpr int kLevels = kUnknowns - kBlack;
+using Levels = Eigen::Matrix<double, kLevels, 1>;
 
-// The most patches that are looked at; of more, those that tell most.
-constexpr std::size_t kMostPatches = 160;
+// Of more patches than plenty, those that tell most are looked at, until they tell this share of
+// what all of them do; never more than the most.
+constexpr std::size_t kPlenty = 96, kMostPatches = 192;
+constexpr double kEnough = 0.85;
 // So many make the first, rough step.
-constexpr std::size_t kRoughPatches = 36;
+constexpr std::size_t kRoughPatches = 24;
+constexpr double kMiddle = 0.5 * (kPatch - 1);  // of a patch
 constexpr std::size_t kLeastSamples = 60;
 // The blur at first, and what it may be: variances in square pixels.
 constexpr double kFirstVariance = 0.4, kLeastVariance = 0.04, kMostVariance = 30.0;
 // Where less changes per pixel, in shares of the contrast, one pixel of kFlatStep tells enough.
-constexpr float kFlat = 0.03F;
-constexpr int kFlatStep = 7;
+constexpr float kFlat = 0.1F;
+constexpr int kFlatStep = 5;
 // A blur whose second moments differ by less in all directions is round, square pixels.
 constexpr double kRound = 0.15;
 // A step that changes the blur by less than this share of it is the last.
@@ -47,6 +53,7 @@ constexpr double kSameBlur = 0.15;
 // Beyond so many sigmas of the blur, an edge isn't seen any more.
 constexpr double kTail = 3.0;
 // About what to expect of the logarithm of the response's exponent, and what it may be.
+constexpr double kUsualBow = 0.01;  // of the light over the marker, as a share of it
 constexpr double kUsualLogGamma = 0.5, kLeastLogGamma = -0.4, kMostLogGamma = 1.1;
 // Tukey's constant: residuals of so many times the noise have no weight.
 constexpr float kTukey = 4.685F;
@@ -95,11 +102,10 @@ struct Patch {
   Matrix26d by_pose = Matrix26d::Zero();  ///< in the middle
   Matrix26d by_pose_by_x = Matrix26d::Zero(),
             by_pose_by_y = Matrix26d::Zero();  ///< its change per pixel
-  double plane_per_px = 0.0;                   ///< metres, the greatest
+  std::size_t cell = 0;                        ///< of the grid
   std::size_t first = 0, count = 0;            ///< its samples
-  int outlines = -1;                           ///< the last of its pieces
+  Matrix2d normals = Matrix2d::Zero();         ///< of its edges, by their length
   double merit = 0.0;
-  bool seen = false;      ///< before the camera, all of it
   double error_px = 0.0;  ///< of the pose, there
   bool trusted = false;   ///< whether that is good enough
   double gain = 1.0;      ///< light, where it is uneven
@@ -197,43 +203,69 @@ float median(std::vector<float>& values) {
   return *middle;
 }
 
-/// Even light varies at most linearly over the marker; in uneven light, that of a shadow,
+/// Even light varies smoothly over the marker; in uneven light, that of a shadow,
 /// each patch has a gain of its own besides.
 enum class LightModel { even, uneven };
 
 /// How much residuals count: all of them, less and less (Huber), or not at all far out (Tukey).
 enum class Weights { huber, tukey };
 
-class Aligner {
- public:
-  Aligner(const ImageView& image, const InkOutline& outline, double quiet, const Camera& camera,
-          LightModel light)
-      : image_(image), outline_(outline), quiet_(quiet), camera_(camera), light_(light) {}
+}  // namespace
 
-  std::optional<Alignment> run(const Isometry3d& start, const std::optional<Matrix6d>& covariance) {
-    constexpr int kSteps = 12;
+/// One alignment after the other; what it keeps is memory.
+class Aligner::Impl {
+ public:
+  std::optional<Alignment> align(const ImageView& image, const InkOutline& outline, double quiet,
+                                 const Camera& camera, const Isometry3d& start,
+                                 const std::optional<Matrix6d>& start_covariance) {
+    image_ = image;
+    outline_ = &outline;
+    quiet_ = quiet;
+    camera_ = camera;
+    std::optional<Alignment> even = run(LightModel::even, start, start_covariance);
+    if (even && even->share > kPlainShare && even->evenness < kEven) return even;
+    std::optional<Alignment> uneven = run(LightModel::uneven, start, start_covariance);
+    if (!even || !uneven) return uneven ? uneven : even;
+    return uneven->share / uneven->noise > even->share / even->noise ? uneven : even;
+  }
+
+ private:
+  std::optional<Alignment> run(LightModel light, const Isometry3d& start,
+                               const std::optional<Matrix6d>& covariance) {
+    light_ = light;
+    oriented_ = framed_ = false;
     centre_.setZero();
+    trusted_px_ = kTrustedPx;
+    constexpr int kSteps = 12;
+    constexpr double kSamePlace = 0.3;  // pixels: patches may stay where they are
     state_ = State{start.linear(), start.translation()};
     covariance_ = covariance;
-    if (!lay_patches(start)) return std::nullopt;
-    move_frame_to_middle();
-    if (!lay_patches(start) || trusted_px_ > kMostTrustedPx) return std::nullopt;
-    // A pose that is only roughly right is seen better by a blurred eye.
-    state_.blur *= std::max(1.0, trusted_px_ * trusted_px_ / kFirstVariance);
-    if (trusted_px_ * trusted_px_ > kFirstVariance && !lay_patches(start)) return std::nullopt;
-    choose_patches(kRoughPatches);
+    if (!lay_patches() || trusted_px_ > kMostTrustedPx) return std::nullopt;
+    if (trusted_px_ * trusted_px_ > kFirstVariance) {
+      // A pose that is only roughly right is seen better by a blurred eye.
+      state_.blur *= trusted_px_ * trusted_px_ / kFirstVariance;
+      if (!lay_patches()) return std::nullopt;
+    }
+    choose_patches(kRoughPatches, 1.0);
     if (!linearise() || !first_levels()) return std::nullopt;
     oriented_ = true;
     linearise_levels();
-    if (!step(Weights::huber)) return std::nullopt;
+    std::optional<double> moved = step(Weights::huber);
+    if (!moved) return std::nullopt;
     oriented_ = has_direction();
+    choose_patches(kMostPatches, kEnough);
     for (int i = 0; i < kSteps; ++i) {
+      const bool all = trusted_ == patches_.size();
       const std::size_t before = trusted_;
-      if (!lay_patches(pose())) return std::nullopt;
-      choose_patches(kMostPatches);
+      if (all && *moved < kSamePlace && reblurred_ < kSameBlur) {
+        look_again();
+      } else {
+        if (!lay_patches()) return std::nullopt;
+        choose_patches(kMostPatches, kEnough);
+      }
       if (!linearise()) return std::nullopt;
       linearise_levels();
-      const std::optional<double> moved = step(Weights::tukey);
+      moved = step(Weights::tukey);
       if (!moved) return std::nullopt;
       const bool grown = trusted_ > before;
       if (*moved < kSettledPx && reblurred_ < kSameBlur && !grown) return finish(start, covariance);
@@ -241,7 +273,6 @@ class Aligner {
     return std::nullopt;
   }
 
- private:
   Vector3d centre3() const { return {centre_.x(), centre_.y(), 0.0}; }
 
   Isometry3d pose() const {
@@ -253,8 +284,8 @@ class Aligner {
 
   /// There rotation and translation hardly mix.
   void move_frame_to_middle() {
-    const Node middle =
-        node(pose(), x0_ + 0.5 * kPatch * columns_, y0_ + 0.5 * kPatch * rows_count_);
+    framed_ = true;
+    const Node middle = node(x0_ + 0.5 * kPatch * grid_columns_, y0_ + 0.5 * kPatch * grid_rows_);
     if (!middle.valid) return;
     centre_ = middle.place;
     state_.translation += state_.rotation * centre3();
@@ -306,7 +337,7 @@ class Aligner {
     const auto in_space = [&](const Vector2d& p) -> Vector3d {
       return r.col(0) * p.x() + r.col(1) * p.y() + t;
     };
-    for (const InkEdge& edge : outline_.edges()) {
+    for (const InkEdge& edge : outline_->edges()) {
       Vector3d a = in_space(edge.from), b = in_space(edge.to);
       const double near = 1e-3 * std::abs(t.z()) + 1e-9;
       if (a.z() < near && b.z() < near) continue;
@@ -324,35 +355,40 @@ class Aligner {
     }
   }
 
-  Node node(const Isometry3d& pose, double x, double y) const {
+  Node node(double x, double y) const {
     Node node;
     const auto ray = camera_.unproject({x, y});
     if (!ray) return node;
-    const Matrix3d& r = pose.linear();
+    const Matrix3d& r = state_.rotation;
     const Vector3d direction = ray->homogeneous();
     const double facing = r.col(2).dot(direction);
-    const double depth = r.col(2).dot(pose.translation()) / facing;
+    const double depth = r.col(2).dot(state_.translation) / facing;
     if (!(facing > 1e-6 && depth > 0.0)) return node;
     const Vector3d point = depth * direction;
-    node.place = (r.transpose() * (point - pose.translation())).head<2>();
+    const Vector2d from_centre = (r.transpose() * (point - state_.translation)).head<2>();
+    node.place = centre_ + from_centre;
     Eigen::Matrix<double, 2, 3> by_point;
     if (!camera_.project(point, &by_point)) return node;
-    const Vector3d p(node.place.x() - centre_.x(), node.place.y() - centre_.y(), 0.0);
     node.by_pose.leftCols<3>() = by_point;
-    node.by_pose.rightCols<3>() = -by_point * r * skew(p);
+    node.by_pose.rightCols<3>() = -by_point * r * skew({from_centre.x(), from_centre.y(), 0.0});
     node.valid = true;
     return node;
   }
 
-  /// Covers what is seen of the marker with patches.
-  bool lay_patches(const Isometry3d& pose) {
+  /// The blur with which patches are drawn next.
+  void set_blur() {
     painted_ = Blur::with_moments(state_.blur);
     if (!oriented_ || painted_.smear.squaredNorm() / 12.0 < kRound)
       painted_ = {0.5 * state_.blur.trace(), Vector2d::Zero()};
     painter_.set_blur(painted_);
     reach_ =
         kTail * std::sqrt(painted_.variance + painted_.smear.squaredNorm() / 12.0 + 1.0 / 12.0);
-    project_outlines(pose);
+  }
+
+  /// Covers what is seen of the marker's outlines with patches.
+  bool lay_patches() {
+    set_blur();
+    project_outlines(pose());
     Eigen::Array2d low(1e9, 1e9), high(-1e9, -1e9);
     for (const Piece& piece : pieces_) {
       low = low.min(piece.from.array()).min(piece.to.array());
@@ -361,39 +397,55 @@ class Aligner {
     const auto bound = [](double v, int most) {
       return static_cast<int>(std::clamp(v, 0.0, static_cast<double>(most)));
     };
-    const int x0 = bound(std::floor(low.x() - reach_), image_.width());
-    const int y0 = bound(std::floor(low.y() - reach_), image_.height());
     const int x1 = bound(std::ceil(high.x() + reach_) + 1.0, image_.width());
     const int y1 = bound(std::ceil(high.y() + reach_) + 1.0, image_.height());
-    columns_ = (x1 - x0 + kPatch - 1) / kPatch;
-    rows_count_ = (y1 - y0 + kPatch - 1) / kPatch;
-    if (columns_ <= 0 || rows_count_ <= 0) return false;
-    x0_ = x0;
-    y0_ = y0;
+    x0_ = bound(std::floor(low.x() - reach_), image_.width());
+    y0_ = bound(std::floor(low.y() - reach_), image_.height());
+    grid_columns_ = (x1 - x0_ + kPatch - 1) / kPatch;
+    grid_rows_ = (y1 - y0_ + kPatch - 1) / kPatch;
+    if (grid_columns_ <= 0 || grid_rows_ <= 0) return false;
+    if (!framed_) move_frame_to_middle();
 
-    std::vector<double> old_gains;
-    nodes_.clear();
-    for (int j = 0; j <= rows_count_; ++j)
-      for (int i = 0; i <= columns_; ++i)
-        nodes_.push_back(node(pose, x0 + kPatch * i - 0.5, y0 + kPatch * j - 0.5));
-    patches_.assign(static_cast<std::size_t>(columns_ * rows_count_), Patch{});
-    for (int j = 0; j < rows_count_; ++j)
-      for (int i = 0; i < columns_; ++i) lay_patch(i, j);
+    outlines_.assign(static_cast<std::size_t>(grid_columns_ * grid_rows_), kNone);
     file_pieces();
+    node_at_.assign(static_cast<std::size_t>((grid_columns_ + 1) * (grid_rows_ + 1)), kNone);
+    nodes_.clear();
+    patches_.clear();
+    for (int j = 0; j < grid_rows_; ++j)
+      for (int i = 0; i < grid_columns_; ++i)
+        if (outlines_[static_cast<std::size_t>(j * grid_columns_ + i)] != kNone) lay_patch(i, j);
     trust_patches();
     weigh_patches();
     return true;
   }
 
+  /// The chosen patches, seen with a pose and a blur that have hardly changed.
+  void look_again() {
+    set_blur();
+    project_outlines(pose());
+    std::fill(outlines_.begin(), outlines_.end(), kUnwanted);
+    for (const std::size_t k : order_) outlines_[patches_[k].cell] = kNone;
+    file_pieces();
+  }
+
+  const Node& node_at(int i, int j) {
+    int& index = node_at_[static_cast<std::size_t>(j * (grid_columns_ + 1) + i)];
+    if (index == kNone) {
+      index = static_cast<int>(nodes_.size());
+      nodes_.push_back(node(x0_ + kPatch * i - 0.5, y0_ + kPatch * j - 0.5));
+    }
+    return nodes_[static_cast<std::size_t>(index)];
+  }
+
   void lay_patch(int i, int j) {
-    Patch& patch = patches_[static_cast<std::size_t>(j * columns_ + i)];
+    // Copies: the list may grow.
+    const Node a = node_at(i, j), b = node_at(i + 1, j), c = node_at(i, j + 1),
+               d = node_at(i + 1, j + 1);
+    if (!(a.valid && b.valid && c.valid && d.valid)) return;
+    Patch& patch = patches_.emplace_back();
+    patch.cell = static_cast<std::size_t>(j * grid_columns_ + i);
     patch.x = x0_ + kPatch * i;
     patch.y = y0_ + kPatch * j;
-    const auto at = [&](int dx, int dy) -> const Node& {
-      return nodes_[static_cast<std::size_t>((j + dy) * (columns_ + 1) + i + dx)];
-    };
-    const Node &a = at(0, 0), &b = at(1, 0), &c = at(0, 1), &d = at(1, 1);
-    if (!(a.valid && b.valid && c.valid && d.valid)) return;
     const auto share = [&](auto member, auto& middle, auto& by_x, auto& by_y) {
       middle = 0.25 * (a.*member + b.*member + c.*member + d.*member);
       by_x = (b.*member + d.*member - a.*member - c.*member) / (2.0 * kPatch);
@@ -401,8 +453,6 @@ class Aligner {
     };
     share(&Node::place, patch.place, patch.place_by_x, patch.place_by_y);
     share(&Node::by_pose, patch.by_pose, patch.by_pose_by_x, patch.by_pose_by_y);
-    patch.plane_per_px = std::max(patch.place_by_x.norm(), patch.place_by_y.norm());
-    patch.seen = true;
     if (covariance_)
       patch.error_px =
           std::sqrt(0.5 * (patch.by_pose * *covariance_ * patch.by_pose.transpose()).trace());
@@ -411,165 +461,233 @@ class Aligner {
   /// Where the pose is known well enough; if that is nowhere, where it is known best.
   void trust_patches() {
     double least = std::numeric_limits<double>::infinity();
-    for (const Patch& patch : patches_)
-      if (patch.seen && patch.outlines >= 0) least = std::min(least, patch.error_px);
+    for (const Patch& patch : patches_) least = std::min(least, patch.error_px);
     trusted_px_ = std::max(kTrustedPx, kNearlyBest * least);
-    for (Patch& patch : patches_)
-      patch.trusted = patch.seen && patch.outlines >= 0 && patch.error_px < trusted_px_;
+    trusted_ = 0;
+    for (Patch& patch : patches_) {
+      patch.trusted = patch.error_px < trusted_px_;
+      trusted_ += patch.trusted ? 1 : 0;
+    }
   }
 
-  /// To every patch the pieces that it must know.
+  /// To every patch that is wanted the pieces that it must know.
   void file_pieces() {
     filed_.clear();
     const double margin = painter_.margin() + 0.5;
+    constexpr double kShare = 1.0 / kPatch;
+    const auto index = [](double v, int first, int most) {
+      const double place = (v - first) * kShare;
+      return place <= 0.0 ? 0 : static_cast<int>(std::min(place, most - 1.0));
+    };
     for (std::size_t k = 0; k < pieces_.size(); ++k) {
-      const Piece& piece = pieces_[k];
-      const Vector2d &a = piece.from, &b = piece.to;
-      const auto index = [&](double v, int first, int most) {
-        return static_cast<int>(std::clamp(std::floor((v - first) / kPatch), 0.0, most - 1.0));
-      };
+      const Vector2d &a = pieces_[k].from, &b = pieces_[k].to;
       const double left = std::min(a.x(), b.x()), right = std::max(a.x(), b.x());
       const double top = std::min(a.y(), b.y()), bottom = std::max(a.y(), b.y());
-      const int j1 = index(bottom + margin, y0_, rows_count_);
-      for (int j = index(top - margin, y0_, rows_count_); j <= j1; ++j) {
+      const double slope = bottom > top ? (b.x() - a.x()) / (b.y() - a.y()) : 0.0;
+      const int j0 = index(top - margin, y0_, grid_rows_);
+      const int j1 = index(bottom + margin, y0_, grid_rows_);
+      for (int j = j0; j <= j1; ++j) {
         // The part of the piece in this row of patches.
         double low = left, high = right;
-        if (bottom > top) {
-          const double slope = (b.x() - a.x()) / (b.y() - a.y());
-          const double xt =
-              a.x() + slope * (std::clamp(y0_ + kPatch * j - margin, top, bottom) - a.y());
-          const double xb =
-              a.x() + slope * (std::clamp(y0_ + kPatch * (j + 1) + margin, top, bottom) - a.y());
+        if (j1 > j0 && bottom > top) {
+          const auto x_at = [&](double y) {
+            return a.x() + slope * (std::clamp(y, top, bottom) - a.y());
+          };
+          const double xt = x_at(y0_ + kPatch * j - margin);
+          const double xb = x_at(y0_ + kPatch * (j + 1) + margin);
           low = std::min(xt, xb), high = std::max(xt, xb);
         }
-        const int i1 = index(high + margin, x0_, columns_);
-        for (int i = index(low - margin, x0_, columns_); i <= i1; ++i) {
-          Patch& patch = patches_[static_cast<std::size_t>(j * columns_ + i)];
-          filed_.push_back({static_cast<int>(k), patch.outlines});
-          patch.outlines = static_cast<int>(filed_.size()) - 1;
+        const int i1 = index(high + margin, x0_, grid_columns_);
+        for (int i = index(low - margin, x0_, grid_columns_); i <= i1; ++i) {
+          int& last = outlines_[static_cast<std::size_t>(j * grid_columns_ + i)];
+          if (last == kUnwanted) continue;
+          filed_.push_back({static_cast<int>(k), last});
+          last = static_cast<int>(filed_.size()) - 1;
         }
       }
     }
   }
 
-  /// How much each patch can tell of what is least known.
+  template <typename Visit>
+  void for_each_piece(const Patch& patch, Visit visit) const {
+    for (int at = outlines_[patch.cell]; at >= 0; at = filed_[static_cast<std::size_t>(at)].before)
+      visit(pieces_[static_cast<std::size_t>(filed_[static_cast<std::size_t>(at)].piece)]);
+  }
+
+  /// How much each patch can tell of what is least known: its share of the pose's information, if
+  /// its edges' lengths are what counts.
   void weigh_patches() {
-    const double margin = painter_.margin();
-    std::vector<Matrix6d> informations(patches_.size(), Matrix6d::Zero());
+    if (trusted_ <= kRoughPatches) return;
     Matrix6d all = Matrix6d::Zero();
-    for (std::size_t k = 0; k < patches_.size(); ++k) {
-      Patch& patch = patches_[k];
+    for (Patch& patch : patches_) {
       if (!patch.trusted) continue;
-      Matrix2d normals = Matrix2d::Zero();
-      for (int at = patch.outlines; at >= 0; at = filed_[static_cast<std::size_t>(at)].before) {
-        const Piece& piece =
-            pieces_[static_cast<std::size_t>(filed_[static_cast<std::size_t>(at)].piece)];
-        // Its length within the patch, near enough.
+      const Vector2d middle(patch.x + 0.5 * (kPatch - 1), patch.y + 0.5 * (kPatch - 1));
+      for_each_piece(patch, [&](const Piece& piece) {
+        // Its length within the patch, near enough; short edges blur into each other.
         const Vector2d along = piece.to - piece.from;
-        const double length = along.norm();
-        if (!(length > 0.0)) continue;
+        const double length2 = along.squaredNorm();
+        if (!(length2 > 0.01)) return;
+        const double length = std::sqrt(length2);
         const Vector2d d = along / length;
-        const Vector2d middle(patch.x + 0.5 * (kPatch - 1), patch.y + 0.5 * (kPatch - 1));
-        const double at0 = d.dot(piece.from - middle);
+        const Vector2d to_start = piece.from - middle;
+        const double at0 = d.dot(to_start);
         const double seen = std::min(at0 + length, 0.5 * kPatch) - std::max(at0, -0.5 * kPatch);
-        const double off =
-            std::abs(d.x() * (piece.from - middle).y() - d.y() * (piece.from - middle).x());
-        if (seen <= 0.0 || off > 0.5 * kPatch + margin) continue;
+        const double off = std::abs(d.x() * to_start.y() - d.y() * to_start.x());
+        if (seen <= 0.0 || off > 0.5 * kPatch + 1.0) return;
         const Vector2d n(-d.y(), d.x());
-        // Short edges blur into each other.
-        normals += seen * std::min(1.0, length * length / 4.0) * n * n.transpose();
-      }
-      informations[k] = patch.by_pose.transpose() * normals * patch.by_pose;
-      all += informations[k];
+        patch.normals += seen * std::min(1.0, length2 / 4.0) * n * n.transpose();
+      });
+      all += patch.by_pose.transpose() * patch.normals * patch.by_pose;
     }
     all.diagonal() *= 1.0 + 1e-6;
     const Matrix6d inverse = all.inverse();
-    for (std::size_t k = 0; k < patches_.size(); ++k)
-      patches_[k].merit = inverse.allFinite() ? (inverse * informations[k]).trace() : 1.0;
+    const bool usable = inverse.allFinite();
+    for (Patch& patch : patches_)
+      patch.merit =
+          usable ? (patch.by_pose * inverse * patch.by_pose.transpose() * patch.normals).trace()
+                 : 1.0;
   }
 
-  void choose_patches(std::size_t most) {
+  /// The fewest of the trusted patches that tell `enough` of what all do, or the `most` best.
+  void choose_patches(std::size_t most, double enough) {
     order_.clear();
+    double all = 0.0;
     for (std::size_t k = 0; k < patches_.size(); ++k)
-      if (patches_[k].trusted) order_.push_back(k);
-    trusted_ = order_.size();
-    if (order_.size() > most) {
-      std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
-        return patches_[a].merit > patches_[b].merit;
-      });
-      order_.resize(most);
-      std::sort(order_.begin(), order_.end());
+      if (patches_[k].trusted) {
+        order_.push_back(k);
+        all += patches_[k].merit;
+      }
+    if (order_.size() <= kRoughPatches) return;
+    std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
+      return patches_[a].merit > patches_[b].merit;
+    });
+    std::size_t count = 0;
+    for (double told = 0.0; count < std::min(most, order_.size()); ++count) {
+      if (count >= kPlenty && told >= enough * all) break;
+      told += patches_[order_[count]].merit;
     }
+    order_.resize(count);
+    std::sort(order_.begin(), order_.end());
   }
 
   // --- what is compared --------------------------------------------------------------------------
 
   bool linearise() {
     count_ = 0;
-    const std::size_t most = order_.size() * kPatch * kPatch;
-    for (auto& column : columns_of_rows_) column.resize(most);
-    for (auto* values :
-         {&grey_, &white_share_, &u_, &v_, &residuals_, &weights_, &along_x_, &along_y_})
-      values->resize(most);
     for (const std::size_t k : order_) sample(patches_[k]);
     return count_ >= kLeastSamples;
   }
 
   void sample(Patch& patch) {
     painter_.begin(patch.x, patch.y);
-    for (int at = patch.outlines; at >= 0; at = filed_[static_cast<std::size_t>(at)].before) {
-      const Piece& piece =
-          pieces_[static_cast<std::size_t>(filed_[static_cast<std::size_t>(at)].piece)];
-      painter_.add(piece.from, piece.to);
-    }
-    const Isometry3d now = pose();
+    for_each_piece(patch, [&](const Piece& piece) { painter_.add(piece.from, piece.to); });
     painter_.finish(
         [&](const Vector2d& pixel) {
-          const Node seen = node(now, pixel.x(), pixel.y());
-          return seen.valid && outline_.is_black(seen.place);
+          const Node seen = node(pixel.x(), pixel.y());
+          return seen.valid && outline_->is_black(seen.place);
         },
         picture_);
+    pick_pixels(patch);
+    make_room();
+    take_rows(patch);
+  }
 
-    patch.first = count_;
-    const Rect& square = outline_.square();
-    const double half = 0.5 * square.width();
-    // Beyond the quiet zone the description ends.
-    const double tail = reach_ * patch.plane_per_px;
-    const double margin = std::clamp(quiet_ - tail, 0.0, tail);
-    const double middle = 0.5 * (kPatch - 1);
-    const int height = std::min(kPatch, image_.height() - patch.y);
-    const int width = std::min(kPatch, image_.width() - patch.x);
-    for (int y = 0; y < height; ++y) {
-      const std::uint8_t* greys = image_.row(patch.y + y) + patch.x;
-      for (int x = 0; x < width; ++x) {
-        const auto at = static_cast<std::size_t>(y * kPatch + x);
+  /// The pixels of a patch that tell something, and some of the others for the light.
+  void pick_pixels(const Patch& patch) {
+    static const std::array<bool, kPatch* kPatch> kSomeOfAll = [] {
+      std::array<bool, kPatch * kPatch> some{};
+      for (std::size_t at = 0; at < some.size(); ++at)
+        some[at] = (at % kPatch + 5 * (at / kPatch)) % kFlatStep == 0;
+      return some;
+    }();
+    picked_.resize(kPatch * kPatch);
+    const auto height = static_cast<std::size_t>(std::min(kPatch, image_.height() - patch.y));
+    const auto width = static_cast<std::size_t>(std::min(kPatch, image_.width() - patch.x));
+    std::size_t n = 0;
+    for (std::size_t y = 0; y < height; ++y)
+      for (std::size_t x = 0; x < width; ++x) {
+        const std::size_t at = y * kPatch + x;
         const float gx = picture_.by_x[at], gy = picture_.by_y[at];
-        if (gx * gx + gy * gy < kFlat * kFlat && (x + 3 * y) % kFlatStep != 0) continue;
-        const double dx = x - middle, dy = y - middle;
-        const Vector2d place = patch.place + dx * patch.place_by_x + dy * patch.place_by_y;
-        if (place.x() < square.x0 - margin || place.x() > square.x1 + margin ||
-            place.y() < square.y0 - margin || place.y() > square.y1 + margin)
-          continue;
-        grey_[count_] = static_cast<float>(greys[x]);
-        white_share_[count_] = 1.0F - picture_.ink[at];
-        u_[count_] = static_cast<float>((place.x() - square.x0) / half - 1.0);
-        v_[count_] = static_cast<float>((place.y() - square.y0) / half - 1.0);
-        along_x_[count_] = static_cast<float>(2.0 * dx / kPatch);
-        along_y_[count_] = static_cast<float>(2.0 * dy / kPatch);
-        for (Eigen::Index k = 0; k < kPose; ++k) {
-          const auto fx = static_cast<float>(patch.by_pose(0, k) + dx * patch.by_pose_by_x(0, k) +
-                                             dy * patch.by_pose_by_y(0, k));
-          const auto fy = static_cast<float>(patch.by_pose(1, k) + dx * patch.by_pose_by_x(1, k) +
-                                             dy * patch.by_pose_by_y(1, k));
-          column(k)[count_] = gx * fx + gy * fy;
-        }
-        column(kBlur)[count_] = -0.5F * picture_.by_xx[at];
-        column(kBlur + 1)[count_] = -picture_.by_xy[at];
-        column(kBlur + 2)[count_] = -0.5F * picture_.by_yy[at];
-        ++count_;
+        picked_[n] = at;
+        n += gx * gx + gy * gy >= kFlat * kFlat || kSomeOfAll[at] ? 1U : 0U;
       }
+    picked_.resize(n);
+
+    // Beyond the quiet zone the description ends.
+    const Rect& square = outline_->square();
+    const double tail = reach_ * std::max(patch.place_by_x.norm(), patch.place_by_y.norm());
+    const double margin = std::clamp(quiet_ - tail, 0.0, tail);
+    const Eigen::Array2d low(square.x0 - margin, square.y0 - margin);
+    const Eigen::Array2d high(square.x1 + margin, square.y1 + margin);
+    const Eigen::Array2d spread =
+        kMiddle * (patch.place_by_x.cwiseAbs() + patch.place_by_y.cwiseAbs()).array();
+    if ((patch.place.array() - spread > low).all() && (patch.place.array() + spread < high).all())
+      return;
+    const auto beyond = [&](std::size_t at) {
+      const Eigen::Array2d place =
+          (patch.place + (static_cast<int>(at % kPatch) - kMiddle) * patch.place_by_x +
+           (static_cast<int>(at / kPatch) - kMiddle) * patch.place_by_y)
+              .array();
+      return !((place > low).all() && (place < high).all());
+    };
+    picked_.erase(std::remove_if(picked_.begin(), picked_.end(), beyond), picked_.end());
+  }
+
+  /// Memory for one more patch.
+  void make_room() {
+    if (grey_.size() >= count_ + kPatch * kPatch) return;
+    const std::size_t size = std::max<std::size_t>(1024, 2 * (count_ + kPatch * kPatch));
+    for (auto& column : columns_of_rows_) column.resize(size);
+    for (auto& light : lights_) light.resize(size);
+    for (auto* values : {&grey_, &white_share_, &u_, &v_, &along_x_, &along_y_, &residuals_, &left_,
+                         &weights_, &weighted_})
+      values->resize(size);
+  }
+
+  /// What the picked pixels see, and how that depends on the pose and the blur.
+  void take_rows(Patch& patch) {
+    const std::size_t n = picked_.size();
+    patch.first = count_;
+    patch.count = n;
+    std::array<float, kPatch * kPatch> gx, gy, dx, dy, flow_x, flow_y;
+    float* by_xx = column(kBlur) + count_;
+    float* by_xy = column(kBlur + 1) + count_;
+    float* by_yy = column(kBlur + 2) + count_;
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::size_t at = picked_[i];
+      const auto x = static_cast<int>(at % kPatch), y = static_cast<int>(at / kPatch);
+      gx[i] = picture_.by_x[at];
+      gy[i] = picture_.by_y[at];
+      dx[i] = static_cast<float>(x - kMiddle);
+      dy[i] = static_cast<float>(y - kMiddle);
+      grey_[count_ + i] = static_cast<float>(image_(patch.x + x, patch.y + y));
+      white_share_[count_ + i] = 1.0F - picture_.ink[at];
+      by_xx[i] = -0.5F * picture_.by_xx[at];
+      by_xy[i] = -picture_.by_xy[at];
+      by_yy[i] = -0.5F * picture_.by_yy[at];
     }
-    patch.count = count_ - patch.first;
+    // A quantity with a slope over the patch.
+    const auto over_patch = [&](double middle, double by_x, double by_y, float* to) {
+      const auto m = static_cast<float>(middle);
+      const auto sx = static_cast<float>(by_x), sy = static_cast<float>(by_y);
+      for (std::size_t i = 0; i < n; ++i) to[i] = m + sx * dx[i] + sy * dy[i];
+    };
+    const Rect& square = outline_->square();
+    const double scale = 2.0 / square.width();
+    const Vector2d uv = scale * (patch.place - Vector2d(square.x0, square.y0)) - Vector2d::Ones();
+    over_patch(uv.x(), scale * patch.place_by_x.x(), scale * patch.place_by_y.x(), &u_[count_]);
+    over_patch(uv.y(), scale * patch.place_by_x.y(), scale * patch.place_by_y.y(), &v_[count_]);
+    over_patch(0.0, 2.0 / kPatch, 0.0, &along_x_[count_]);
+    over_patch(0.0, 0.0, 2.0 / kPatch, &along_y_[count_]);
+    for (Eigen::Index k = 0; k < kPose; ++k) {
+      over_patch(patch.by_pose(0, k), patch.by_pose_by_x(0, k), patch.by_pose_by_y(0, k),
+                 flow_x.data());
+      over_patch(patch.by_pose(1, k), patch.by_pose_by_x(1, k), patch.by_pose_by_y(1, k),
+                 flow_y.data());
+      float* row = column(k) + count_;
+      for (std::size_t i = 0; i < n; ++i) row[i] = gx[i] * flow_x[i] + gy[i] * flow_y[i];
+    }
+    count_ += n;
   }
 
   float* column(Eigen::Index k) { return columns_of_rows_[static_cast<std::size_t>(k)].data(); }
@@ -592,14 +710,22 @@ class Aligner {
     const double dark = static_cast<double>(median(black)),
                  bright = static_cast<double>(median(white));
     if (bright - dark < kLeastContrast) return false;
-    state_.levels << dark, 0, 0, bright, 0, 0;
+    state_.levels.setZero();
+    state_.levels(0) = dark;
+    state_.levels(kWhite - kBlack) = bright;
     return true;
+  }
+
+  double contrast_at(double u, double v) const {
+    const Levels& l = state_.levels;
+    return l(3) + u * (l(4) + l(6) * u + l(7) * v) + v * (l(5) + l(8) * v) - l(0) - l(1) * u -
+           l(2) * v;
   }
 
   /// From the shares to grey values.
   void linearise_levels() {
     if (light_ == LightModel::uneven) find_gains();
-    const Eigen::Matrix<float, 6, 1> levels = state_.levels.cast<float>();
+    const Eigen::Matrix<float, kLevels, 1> levels = state_.levels.cast<float>();
     const double dark = std::clamp(state_.levels(0) / std::max(1.0, state_.levels(3)), 0.01, 0.9);
     response_.set(state_.log_gamma, dark);
     for (const std::size_t k : order_) {
@@ -608,7 +734,8 @@ class Aligner {
       for (std::size_t i = patch.first; i < patch.first + patch.count; ++i) {
         const float u = u_[i], v = v_[i], w = white_share_[i];
         const float black = levels(0) + levels(1) * u + levels(2) * v;
-        const float contrast = levels(3) + levels(4) * u + levels(5) * v - black;
+        const float contrast = levels(3) + u * (levels(4) + levels(6) * u + levels(7) * v) +
+                               v * (levels(5) + levels(8) * v) - black;
         const auto [seen, rise, by_log_gamma] = response_.at(w);
         const float slope = gain * contrast * rise;
         for (Eigen::Index c = 0; c < kGamma; ++c) column(c)[i] *= slope;
@@ -619,13 +746,15 @@ class Aligner {
         column(kWhite)[i] = gain * seen;
         column(kWhite + 1)[i] = gain * seen * u;
         column(kWhite + 2)[i] = gain * seen * v;
+        column(kWhite + 3)[i] = gain * seen * u * u;
+        column(kWhite + 4)[i] = gain * seen * u * v;
+        column(kWhite + 5)[i] = gain * seen * v * v;
         residuals_[i] = grey_[i] - gain * (black + contrast * seen);
       }
     }
     if (!oriented_)
       for (std::size_t i = 0; i < count_; ++i) column(kBlur)[i] += column(kBlur + 2)[i];
     if (light_ == LightModel::even) return;
-    for (auto& values : lights_) values.resize(count_);
     for (std::size_t i = 0; i < count_; ++i) {
       const float seen = grey_[i] - residuals_[i];
       lights_[0][i] = seen;
@@ -637,7 +766,8 @@ class Aligner {
   /// Each patch's gain from the median of what is white there.
   void find_gains() {
     constexpr float kWhitish = 0.6F;
-    const Eigen::Matrix<float, 6, 1> levels = state_.levels.cast<float>();
+    const auto black = static_cast<float>(state_.levels(0));
+    const auto white = static_cast<float>(state_.levels(kWhite - kBlack));
     std::vector<float> ratios;
     for (const std::size_t k : order_) {
       Patch& patch = patches_[k];
@@ -645,8 +775,6 @@ class Aligner {
       for (std::size_t i = patch.first; i < patch.first + patch.count; ++i) {
         const float w = white_share_[i];
         if (w < kWhitish) continue;
-        const float black = levels(0) + levels(1) * u_[i] + levels(2) * v_[i];
-        const float white = levels(3) + levels(4) * u_[i] + levels(5) * v_[i];
         ratios.push_back(grey_[i] / (black + (white - black) * w));
       }
       if (ratios.size() > 3)
@@ -687,7 +815,7 @@ class Aligner {
 
   /// What a step leaves of the residuals.
   void apply(const Row& move) {
-    left_.assign(residuals_.begin(), residuals_.begin() + static_cast<std::ptrdiff_t>(count_));
+    std::copy_n(residuals_.begin(), count_, left_.begin());
     for (Eigen::Index k = 0; k < kUnknowns; ++k) {
       const auto by = static_cast<float>(move(k));
       const float* row = column(k);
@@ -733,7 +861,7 @@ class Aligner {
 
   /// Noise from residuals of which fewer than half are wrong.
   double robust_scale(const std::vector<float>& residuals) {
-    const std::size_t stride = count_ / 2000 + 1;
+    const std::size_t stride = count_ / 600 + 1;
     sizes_.clear();
     for (std::size_t i = 0; i < count_; i += stride) sizes_.push_back(std::abs(residuals[i]));
     return std::max(kRounding, 1.4826 * static_cast<double>(median(sizes_)));
@@ -761,16 +889,19 @@ class Aligner {
   void accumulate(const std::vector<float>& weights, Normal& normal, Row& pull) {
     normal.setZero();
     pull.setZero();
-    weighted_.resize(count_);
+    std::array<const float*, kUnknowns + 1> rows{residuals_.data()};
+    std::array<Eigen::Index, kUnknowns + 1> which{};
+    std::array<float, kUnknowns + 1> sums{};
+    std::size_t n = 1;
     for (Eigen::Index a = 0; a < kUnknowns; ++a) {
       if (frozen(a)) continue;
-      const float* row = column(a);
-      for (std::size_t i = 0; i < count_; ++i) weighted_[i] = weights[i] * row[i];
-      for (Eigen::Index b = 0; b <= a; ++b)
-        if (!frozen(b))
-          normal(a, b) = normal(b, a) =
-              static_cast<double>(dot(weighted_.data(), column(b), count_));
-      pull(a) = static_cast<double>(dot(weighted_.data(), residuals_.data(), count_));
+      rows[n] = column(a);
+      which[n++] = a;
+      kernels::weighted_products(weights.data(), column(a), rows.data(), n, count_,
+                                 weighted_.data(), sums.data());
+      pull(a) = static_cast<double>(sums[0]);
+      for (std::size_t k = 1; k < n; ++k)
+        normal(a, which[k]) = normal(which[k], a) = static_cast<double>(sums[k]);
     }
     for (Eigen::Index a = 0; a < kUnknowns; ++a)
       if (frozen(a)) normal(a, a) = 1.0;
@@ -797,11 +928,11 @@ class Aligner {
   /// One Gauss-Newton step with weights that follow the linearised residuals. Returns how far it
   /// moved the patches, pixels, root mean square.
   std::optional<double> step(Weights kind) {
-    constexpr int kRounds = 3;
-    left_.assign(residuals_.begin(), residuals_.begin() + static_cast<std::ptrdiff_t>(count_));
+    const int rounds = kind == Weights::huber ? 3 : 2;
+    std::copy_n(residuals_.begin(), count_, left_.begin());
     Row move = Row::Zero();
     Normal normal;
-    for (int round = 0; round < kRounds; ++round) {
+    for (int round = 0; round < rounds; ++round) {
       scale_ = robust_scale(left_);
       weigh(kind);
       Row pull;
@@ -811,6 +942,11 @@ class Aligner {
       const double noise2 = scale_ * scale_;
       normal(kGamma, kGamma) += noise2 / (kUsualLogGamma * kUsualLogGamma);
       pull(kGamma) -= noise2 / (kUsualLogGamma * kUsualLogGamma) * state_.log_gamma;
+      for (Eigen::Index k = kWhite + 3; k < kUnknowns; ++k) {
+        const double usual = kUsualBow * std::max(1.0, state_.levels(kWhite - kBlack));
+        normal(k, k) += noise2 / (usual * usual);
+        pull(k) -= noise2 / (usual * usual) * state_.levels(k - kBlack);
+      }
       const auto inverse = inverse_of(normal);
       if (!inverse) return std::nullopt;
       move = *inverse * pull;
@@ -840,7 +976,7 @@ class Aligner {
     state_.blur = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(kLeastVariance).asDiagonal() *
                   eigen.eigenvectors().transpose();
     state_.log_gamma = std::clamp(state_.log_gamma + move(kGamma), kLeastLogGamma, kMostLogGamma);
-    state_.levels += move.tail<6>();
+    state_.levels += move.tail<kLevels>();
     covariance_ = noise_covariance();
     return moved;
   }
@@ -871,57 +1007,40 @@ class Aligner {
     result.pixels = static_cast<int>(count_);
     const auto count = static_cast<double>(count_);
     const double inverse_noise2 = 1.0 / (scale_ * scale_);
-    // The estimate's covariance under whatever law the residuals follow: H^-1 M H^-1.
-    std::vector<float> bends(count_), scatters(count_);
+    double weight = 0.0, slope = 0.0, square = 0.0;  // sums of w, psi' and psi^2
     for (std::size_t i = 0; i < count_; ++i) {
       if (saturated(i)) {
         result.share += 1.0 / count;
-        bends[i] = scatters[i] = 0.0F;
         continue;
       }
       const auto z2 =
           static_cast<double>(left_[i]) * static_cast<double>(left_[i]) * inverse_noise2;
       result.loss += tukey_loss(z2);
-      const float weight = tukey_weight(static_cast<float>(z2));
-      result.share += static_cast<double>(weight) / count;
-      const double q = z2 / static_cast<double>(kTukey * kTukey);
-      bends[i] = q < 1.0 ? static_cast<float>((1.0 - q) * (1.0 - 5.0 * q)) : 0.0F;
-      scatters[i] = static_cast<float>(z2) * weight * weight;
+      const double q = std::max(0.0, 1.0 - z2 / static_cast<double>(kTukey * kTukey));
+      weight += q * q;
+      slope += q * (5.0 * q - 4.0);
+      square += z2 * q * q * q * q;
     }
+    result.share += weight / count;
     if (result.share < kLeastShare) return std::nullopt;
     for (const std::size_t k : order_) {
       const Vector2d at =
-          2.0 * (patches_[k].place - Vector2d(outline_.square().x0, outline_.square().y0)) /
-              outline_.square().width() -
+          2.0 * (patches_[k].place - Vector2d(outline_->square().x0, outline_->square().y0)) /
+              outline_->square().width() -
           Vector2d::Ones();
-      const double contrast =
-          patches_[k].gain *
-          (state_.levels.tail<3>() - state_.levels.head<3>()).dot(Vector3d(1.0, at.x(), at.y()));
+      const double contrast = patches_[k].gain * contrast_at(at.x(), at.y());
       if (contrast < kLeastContrast || contrast < kLeastContrastToNoise * scale_)
         return std::nullopt;
     }
     if (shift_px(start, start_covariance) > kMostShiftPx) return std::nullopt;
 
-    Normal bend, scatter;
-    Row unused;
-    if (light_ == LightModel::uneven) {
-      accumulate(bends, bend, unused);
-      eliminate_lights(bends, bend, unused);
-      project_rows();
-    }
-    accumulate(bends, bend, unused);
-    accumulate(scatters, scatter, unused);
-    for (Eigen::Index k = 0; k < kUnknowns; ++k)
-      if (frozen(k)) scatter(k, k) = 0.0;
-    const double prior = scale_ * scale_ / (kUsualLogGamma * kUsualLogGamma);
-    bend(kGamma, kGamma) += prior;
-    scatter(kGamma, kGamma) += prior;
-    const auto inverse = inverse_of(bend);
-    if (!inverse) return std::nullopt;
-    const double together = correlation(*inverse);
-    const Normal covariance = together * scale_ * scale_ * count /
-                              std::max(1.0, count - own_unknowns()) * *inverse * scatter * *inverse;
-    const Matrix6d own = moved(covariance.topLeftCorner<6, 6>(), state_.rotation, centre3());
+    if (!(slope > 0.0)) return std::nullopt;
+    // The estimate's variance is E psi^2 / (E psi')^2 times that of least squares.
+    const double spread = square * weight / (slope * slope);
+    const double freedom = count / std::max(1.0, count - own_unknowns());
+    const Matrix6d covariance =
+        correlation() * spread * freedom * scale_ * scale_ * inverse_.topLeftCorner<kPose, kPose>();
+    const Matrix6d own = moved(covariance, state_.rotation, centre3());
     result.covariance = 0.5 * (own + own.transpose());
     result.camera_T_marker.makeAffine();
     if (!result.covariance.allFinite() || !result.camera_T_marker.matrix().allFinite())
@@ -932,32 +1051,33 @@ class Aligner {
   /// By how much what is left of neighbouring pixels is more alike than noise is, for the pose:
   /// from blocks of pixels, whose parts in the pose's error are added up before they are squared. 1
   /// or more. What the model doesn't know, such as another shape of the blur, shows here.
-  double correlation(const Normal& inverse) const {
-    constexpr std::size_t kBlocks = 4;  // of a patch
-    using Influence = Eigen::Matrix<double, kPose, kUnknowns>;
-    const Influence influence = inverse.topRows<kPose>();
-    Matrix6d blockwise = Matrix6d::Zero(), alone = Matrix6d::Zero();
-    const auto scale = static_cast<float>(1.0 / scale_);
+  double correlation() {
+    project_rows();
+    const std::size_t blocks = order_.size() < 32 ? 4 : 1;  // of a patch
+    double alone = 0.0, weight = 0.0;
+    for (std::size_t i = 0; i < count_; ++i) {
+      weighted_[i] = weights_[i] * left_[i];
+      alone += static_cast<double>(weighted_[i]) * static_cast<double>(weighted_[i]);
+      weight += static_cast<double>(weights_[i]);
+    }
+    Normal blockwise = Normal::Zero();
     for (const std::size_t k : order_) {
       const Patch& patch = patches_[k];
-      std::array<Row, kBlocks> sums;
-      sums.fill(Row::Zero());
-      for (std::size_t i = patch.first; i < patch.first + patch.count; ++i) {
-        if (weights_[i] == 0.0F) continue;
-        Row row;
+      for (std::size_t b = 0; b < blocks; ++b) {
+        const std::size_t first = patch.first + patch.count * b / blocks;
+        const std::size_t last = patch.first + patch.count * (b + 1) / blocks;
+        Row sum = Row::Zero();
         for (Eigen::Index a = 0; a < kUnknowns; ++a)
-          row(a) = frozen(a) ? 0.0 : static_cast<double>(column(a)[i]);
-        row *= static_cast<double>(weights_[i] * left_[i] * scale);
-        sums[(along_x_[i] > 0.0F ? 1U : 0U) + (along_y_[i] > 0.0F ? 2U : 0U)] += row;
-        const Vector6d own = influence * row;
-        alone += own * own.transpose();
-      }
-      for (const Row& sum : sums) {
-        const Vector6d part = influence * sum;
-        blockwise += part * part.transpose();
+          if (!frozen(a))
+            sum(a) = static_cast<double>(dot(&weighted_[first], column(a) + first, last - first));
+        blockwise += sum * sum.transpose();
       }
     }
-    return std::max(1.0, alone.ldlt().solve(blockwise).trace() / kPose);
+    // Independent residuals would make this E psi^2 / E w times the normal matrix.
+    const auto influence = inverse_.topRows<kPose>();
+    const Matrix6d together = influence * blockwise * influence.transpose();
+    const Matrix6d expected = alone / weight * inverse_.topLeftCorner<kPose, kPose>();
+    return std::max(1.0, expected.ldlt().solve(together).trace() / kPose);
   }
 
   /// Mean square of the patches' mean residuals, in units of what noise would make of them.
@@ -995,11 +1115,11 @@ class Aligner {
     return count > 0.0 ? std::sqrt(sum / count) : 0.0;
   }
 
-  const ImageView& image_;
-  const InkOutline& outline_;
-  double quiet_;
-  const Camera& camera_;
-  LightModel light_;
+  ImageView image_;
+  const InkOutline* outline_ = nullptr;
+  double quiet_ = 0.0;
+  Camera camera_;
+  LightModel light_ = LightModel::even;
   Vector2d centre_ = Vector2d::Zero();  ///< of the samples, in the parent's plane
   State state_;
   Response response_;
@@ -1017,8 +1137,13 @@ class Aligner {
   };
   std::vector<Piece> pieces_;
   std::vector<Filed> filed_;
-  int x0_ = 0, y0_ = 0, columns_ = 0, rows_count_ = 0;
+  int x0_ = 0, y0_ = 0, grid_columns_ = 0, grid_rows_ = 0;
+  bool framed_ = false;
+  static constexpr int kNone = -1, kUnwanted = -2;
+  std::vector<int> outlines_;  ///< for each cell of the grid the last of its pieces, in filed_
+  std::vector<int> node_at_;   ///< for each corner of the grid, in nodes_
   std::vector<Node> nodes_;
+  std::vector<std::size_t> picked_;
   std::vector<Patch> patches_;
   std::vector<std::size_t> order_;
   std::size_t trusted_ = 0;
@@ -1033,21 +1158,16 @@ class Aligner {
   double scale_ = 1.0;
 };
 
-}  // namespace
+Aligner::Aligner() : impl_(std::make_unique<Impl>()) {}
+Aligner::~Aligner() = default;
+Aligner::Aligner(Aligner&&) noexcept = default;
+Aligner& Aligner::operator=(Aligner&&) noexcept = default;
 
-std::optional<Alignment> align(const ImageView& image, const InkOutline& outline, double quiet_m,
-                               const Camera& camera, const Isometry3d& start,
-                               const std::optional<Matrix6d>& start_covariance) {
-  const auto with = [&](LightModel light) {
-    return Aligner(image, outline, quiet_m, camera, light).run(start, start_covariance);
-  };
-  static const bool force = getenv("FORCE");
-  std::optional<Alignment> even;
-  if (!force) even = with(LightModel::even);
-  if (even && even->share > kPlainShare && even->evenness < kEven) return even;
-  std::optional<Alignment> uneven = with(LightModel::uneven);
-  if (!even || !uneven) return uneven ? uneven : even;
-  return uneven->share / uneven->noise > even->share / even->noise ? uneven : even;
+std::optional<Alignment> Aligner::align(const ImageView& image, const InkOutline& outline,
+                                        double quiet_m, const Camera& camera,
+                                        const Isometry3d& start,
+                                        const std::optional<Matrix6d>& start_covariance) {
+  return impl_->align(image, outline, quiet_m, camera, start, start_covariance);
 }
 
 }  // namespace harco

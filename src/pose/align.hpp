@@ -2,6 +2,7 @@
 // the image.
 #pragma once
 
+#include <memory>
 #include <optional>
 
 #include <Eigen/Geometry>
@@ -28,18 +29,29 @@ struct Alignment {
 
 /// Least squares on the intensities near the marker's edges (Tukey's weights: pixels that don't
 /// fit, such as an occluder's, are left out) over the pose, the blur, the camera's response and the
-/// levels of black and white, which may vary linearly over the marker; where much doesn't fit,
-/// parts of the marker may besides stand in different light. `quiet_m` is the width of the paper
-/// around the square.
-///
-/// `start_covariance`, of (dt, w) as in Pose, tells how far `start` can be trusted: parts of the
-/// marker where it may be wrong by more than the blur allows come in later, when the others have
-/// made it better. Without it, all of `start` is taken to be right to about half a pixel.
-///
-/// Empty if it doesn't converge near `start`, or if too little of the marker fits: then the image
-/// doesn't bear the pose out.
-std::optional<Alignment> align(const ImageView& image, const InkOutline& outline, double quiet_m,
-                               const Camera& camera, const Eigen::Isometry3d& start,
-                               const std::optional<Matrix6d>& start_covariance);
+/// levels of black and white, which may vary over the marker; where much doesn't fit,
+/// parts of the marker may besides stand in different light. Keeps its memory for the next time.
+class Aligner {
+ public:
+  Aligner();
+  ~Aligner();
+  Aligner(Aligner&&) noexcept;
+  Aligner& operator=(Aligner&&) noexcept;
+
+  /// `quiet_m` is the width of the paper around the square. `start_covariance`, of (dt, w) as in
+  /// Pose, tells how far `start` can be trusted: parts of the marker where it may be wrong by more
+  /// than the blur allows come in later, when the others have made it better. Without it, all of
+  /// `start` is taken to be right to about half a pixel.
+  ///
+  /// Empty if it doesn't converge near `start`, or if too little of the marker fits: then the image
+  /// doesn't bear the pose out.
+  std::optional<Alignment> align(const ImageView& image, const InkOutline& outline, double quiet_m,
+                                 const Camera& camera, const Eigen::Isometry3d& start,
+                                 const std::optional<Matrix6d>& start_covariance);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
 
 }  // namespace harco

@@ -5,6 +5,8 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "pose/kernels/patch_loops.hpp"
+
 namespace harco {
 namespace {
 
@@ -44,7 +46,7 @@ void PatchPainter::set_blur(const Blur& blur) {
   // A pixel's square is two fields; the Gaussian is sampled on the fields' middles.
   const auto gauss = [&](double d) { return std::exp(-0.5 * d * d / (sigma * sigma)); };
   std::vector<double> value, slope, bend;
-  double sum = 0.0, lever = 0.0, curve = 0.0, spread = 0.0, excess = 0.0;
+  double sum = 0.0, lever = 0.0, curve = 0.0, excess = 0.0;
   for (int j = 0; j < taps; ++j) {
     const double d = j + 0.5, g0 = gauss(j), g1 = gauss(j + 1);
     value.push_back(g0 + g1);
@@ -62,7 +64,6 @@ void PatchPainter::set_blur(const Blur& blur) {
     slope[j] /= lever;
     bend[j] -= excess * value[j];
     curve += bend[j] * d * d;
-    spread += 2.0 * value[j] * d * d;
   }
   value_.assign(value.begin(), value.end());
   slope_.assign(slope.begin(), slope.end());
@@ -135,18 +136,23 @@ void PatchPainter::accumulate(double x0, double y0, double x1, double y1, float 
       change[first] += cover - cover * right;
       change[first + 1] += cover * right;
     } else {
-      // Of the height per field, so much goes to each; within a field, half of it to the next.
-      const double share = 1.0 / (high - low);
-      double rest = 0.0;  // what the field before left over
-      for (int field = first; field < high; ++field) {
-        const double from = std::max(low, static_cast<double>(field));
-        const double to = std::min(high, field + 1.0);
-        const double own = share * (to - from);
-        const double right = 0.5 * (from + to) - field;
-        change[field] += cover * static_cast<float>(own * (1.0 - right) + rest);
-        rest = own * right;
+      // The fields it crosses from side to side have equal shares of its height; of each share,
+      // half is to the field's right.
+      const auto share = static_cast<float>(1.0 / (high - low));
+      const int last_field = static_cast<int>(std::ceil(high)) - 1;
+      const auto enters = static_cast<float>(first + 1.0 - low);
+      const auto leaves = static_cast<float>(high - last_field);
+      const float begin = 0.5F * share * enters * enters, end = 0.5F * share * leaves * leaves;
+      // What has been passed on so far, up to the field at hand.
+      change[first] += cover * begin;
+      float given = begin;
+      float level = share * (enters + 0.5F);  // of the next field, if it is crossed
+      for (int field = first + 1; field < last_field; ++field, level += share) {
+        change[field] += cover * (level - given);
+        given = level;
       }
-      change[static_cast<int>(std::ceil(high))] += cover * static_cast<float>(rest);
+      change[last_field] += cover * (1.0F - end - given);
+      change[last_field + 1] += cover * end;
     }
     x = next;
   }
@@ -170,9 +176,7 @@ void PatchPainter::fill_rows(const std::function<bool(const Vector2d&)>& is_blac
   for (const Crossing& crossing : crossings_)
     if (crossing.row < asked) ink -= crossing.jump;
 
-  const int half = size_ / 2;
-  even_.resize(static_cast<std::size_t>(size_) * static_cast<std::size_t>(half));
-  odd_.resize(even_.size());
+  starts_.resize(static_cast<std::size_t>(size_));
   std::size_t next = 0;
   for (int row = 0; row < size_; ++row) {
     float start = ink;
@@ -180,8 +184,19 @@ void PatchPainter::fill_rows(const std::function<bool(const Vector2d&)>& is_blac
       start += crossings_[next].jump * static_cast<float>(row + 1.0 - crossings_[next].row);
       ink += crossings_[next].jump;
     }
-    float* share = &grid_[static_cast<std::size_t>(row) * static_cast<std::size_t>(size_ + 2)];
-    for (int i = 0; i < size_; ++i) share[i] = start += share[i];
+    starts_[static_cast<std::size_t>(row)] = start;
+  }
+  // From changes to shares; rows side by side, since each sum waits for the one before it.
+  constexpr int kAtOnce = 4;
+  static_assert(kFields * kPatch % kAtOnce == 0 && kFields * 2 % kAtOnce == 0);
+  const int stride = size_ + 2;
+  for (int row = 0; row < size_; row += kAtOnce) {
+    float* share = &grid_[static_cast<std::size_t>(row * stride)];
+    std::array<float, kAtOnce> sum;
+    std::copy_n(&starts_[static_cast<std::size_t>(row)], kAtOnce, sum.begin());
+    for (int i = 0; i < size_; ++i)
+      for (int k = 0; k < kAtOnce; ++k)
+        share[k * stride + i] = sum[static_cast<std::size_t>(k)] += share[k * stride + i];
   }
 }
 
@@ -211,77 +226,18 @@ void PatchPainter::smear() {
   grid_.swap(scratch_);
 }
 
-void PatchPainter::blur_rows() {
-  const int half = size_ / 2;
-  const auto taps = static_cast<int>(value_.size());
-  for (auto& rows : rows_) rows.resize(static_cast<std::size_t>(size_ * kPatch));
-  for (int row = 0; row < size_; ++row) {
-    const float* share =
-        &grid_[static_cast<std::size_t>(row) * static_cast<std::size_t>(size_ + 2)];
-    float* even = &even_[static_cast<std::size_t>(row * half)];
-    float* odd = &odd_[static_cast<std::size_t>(row * half)];
-    for (int i = 0; i < half; ++i) {
-      even[i] = share[2 * i];
-      odd[i] = share[2 * i + 1];
-    }
-    std::array<float, kPatch> value{}, slope{}, bend{};
-    for (int j = 0; j < taps; ++j) {
-      // The fields at distance j + 1/2 on both sides of a pixel's middle.
-      const float* left = j % 2 == 0 ? even + margin_ - j / 2 : odd + margin_ - (j + 1) / 2;
-      const float* right = j % 2 == 0 ? odd + margin_ + j / 2 : even + margin_ + (j + 1) / 2;
-      const auto at = static_cast<std::size_t>(j);
-      for (std::size_t x = 0; x < kPatch; ++x) {
-        const float sum = left[x] + right[x];
-        value[x] += value_[at] * sum;
-        slope[x] += slope_[at] * (right[x] - left[x]);
-        bend[x] += bend_[at] * sum;
-      }
-    }
-    const auto to = static_cast<std::ptrdiff_t>(row * kPatch);
-    std::copy(value.begin(), value.end(), rows_[0].begin() + to);
-    std::copy(slope.begin(), slope.end(), rows_[1].begin() + to);
-    std::copy(bend.begin(), bend.end(), rows_[2].begin() + to);
-  }
-}
-
-void PatchPainter::blur_columns(PatchPicture& picture) const {
-  const auto taps = static_cast<int>(value_.size());
-  for (int y = 0; y < kPatch; ++y) {
-    std::array<float, kPatch> ink{}, by_x{}, by_y{}, by_xx{}, by_xy{}, by_yy{};
-    for (int j = 0; j < taps; ++j) {
-      const auto above = static_cast<std::size_t>((2 * (y + margin_) - j) * kPatch);
-      const auto below = static_cast<std::size_t>((2 * (y + margin_) + 1 + j) * kPatch);
-      const auto at = static_cast<std::size_t>(j);
-      const float value = value_[at], slope = slope_[at], bend = bend_[at];
-      const float *v0 = &rows_[0][above], *v1 = &rows_[0][below];
-      const float *s0 = &rows_[1][above], *s1 = &rows_[1][below];
-      const float *b0 = &rows_[2][above], *b1 = &rows_[2][below];
-      for (std::size_t x = 0; x < kPatch; ++x) {
-        const float v = v0[x] + v1[x];
-        ink[x] += value * v;
-        by_yy[x] += bend * v;
-        by_y[x] += slope * (v1[x] - v0[x]);
-        by_x[x] += value * (s0[x] + s1[x]);
-        by_xy[x] += slope * (s1[x] - s0[x]);
-        by_xx[x] += value * (b0[x] + b1[x]);
-      }
-    }
-    const auto to = static_cast<std::ptrdiff_t>(y * kPatch);
-    std::copy(ink.begin(), ink.end(), picture.ink.begin() + to);
-    std::copy(by_x.begin(), by_x.end(), picture.by_x.begin() + to);
-    std::copy(by_y.begin(), by_y.end(), picture.by_y.begin() + to);
-    std::copy(by_xx.begin(), by_xx.end(), picture.by_xx.begin() + to);
-    std::copy(by_xy.begin(), by_xy.end(), picture.by_xy.begin() + to);
-    std::copy(by_yy.begin(), by_yy.end(), picture.by_yy.begin() + to);
-  }
-}
-
 void PatchPainter::finish(const std::function<bool(const Vector2d&)>& is_black,
                           PatchPicture& picture) {
   fill_rows(is_black);
   smear();
-  blur_rows();
-  blur_columns(picture);
+  static_assert(kPatch == kernels::kSide);
+  const auto half = static_cast<std::size_t>(size_ / 2);
+  blurred_.resize((2 + 6 * kPatch) * half);
+  kernels::blur_patch(grid_.data(), static_cast<std::size_t>(size_ + 2),
+                      static_cast<std::size_t>(margin_),
+                      {value_.data(), slope_.data(), bend_.data(), value_.size()}, blurred_.data(),
+                      {picture.ink.data(), picture.by_x.data(), picture.by_y.data(),
+                       picture.by_xx.data(), picture.by_xy.data(), picture.by_yy.data()});
 }
 
 }  // namespace harco

@@ -63,8 +63,6 @@ class PatchPainter {
   void accumulate(double x0, double y0, double x1, double y1, float sign);
   void fill_rows(const std::function<bool(const Eigen::Vector2d&)>& is_black);
   void smear();
-  void blur_rows();
-  void blur_columns(PatchPicture& picture) const;
 
   int margin_ = 0;  ///< pixels
   int size_ = 0;    ///< of the grid of half pixels
@@ -72,10 +70,9 @@ class PatchPainter {
   std::vector<float> value_, slope_,
       bend_;  ///< of the blur at the distances 1/2, 3/2 ... half pixels
   int x_ = 0, y_ = 0;
-  std::vector<float> grid_;                 ///< size_ rows of changes, later of shares
-  std::vector<float> even_, odd_;           ///< the grid's columns, shared out
-  std::array<std::vector<float>, 3> rows_;  ///< blurred along x: value, slope, bend
-  std::vector<float> scratch_;
+  std::vector<float> grid_;    ///< size_ rows of changes, later of shares
+  std::vector<float> starts_;  ///< ink at the rows' left ends
+  std::vector<float> scratch_, blurred_;
   std::vector<Crossing> crossings_;
 };
 

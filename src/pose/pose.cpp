@@ -70,6 +70,7 @@ std::vector<Pose> estimate_poses(const ImageView& image, const std::vector<Detec
   }
 
   std::vector<Pose> poses;
+  Aligner aligner;
   for (std::size_t i = 0; i < by_parent.size(); ++i) {
     if (by_parent[i].empty()) continue;
     const Parent& parent = markers.parents[i];
@@ -85,8 +86,8 @@ std::vector<Pose> estimate_poses(const ImageView& image, const std::vector<Detec
       }
       std::optional<Alignment> alignment;
       if (aligns)
-        alignment = align(image, *outline, cell_m, camera, group.pose.camera_T_marker,
-                          group.pose.covariance);
+        alignment = aligner.align(image, *outline, cell_m, camera, group.pose.camera_T_marker,
+                                  group.pose.covariance);
       poses.push_back(joint_pose(group, alignment, id, detections, camera));
     }
   }
