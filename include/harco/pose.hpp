@@ -17,6 +17,10 @@ namespace harco {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
+/// From this log-likelihood ratio on, odds of 400 to 1, the likelier of two solutions counts as
+/// decided.
+constexpr double kDecidedLogRatio = 6.0;
+
 /// How several markers of one parent become one pose.
 enum class Fusion {
   joint,  ///< the best that we have: one solution over everything seen of a parent
@@ -36,8 +40,14 @@ struct Pose {
   int markers = 0;              ///< how many markers it was made from
   std::vector<int> detections;  ///< their indices in the list given
 
-  /// The second solution of a plane's pose where the corners don't exclude it.
+  /// A plane seen from afar has a second solution, about its mirrored tilt. It stands here where
+  /// the evidence leaves it possible; the covariance then covers both. A pose without alternative
+  /// is decided.
   std::optional<Eigen::Isometry3d> alternative;
+  /// Natural logarithm of the likelihood of this pose over that of the alternative, 0 …
+  /// kDecidedLogRatio: the alternative is right with probability 1 / (1 + exp(ratio)). There if and
+  /// only if the alternative is.
+  std::optional<double> log_likelihood_ratio;
 
   /// Whether pose and covariance come from the grey values; otherwise they are the corners'.
   bool aligned = false;
@@ -46,12 +56,27 @@ struct Pose {
   double share_used = 0.0;
 };
 
+/// Which way is down, as an accelerometer or a gimbal tells, and how the marker stands to it.
+struct GravityPrior {
+  Eigen::Vector3d in_camera = Eigen::Vector3d::UnitZ();  ///< direction of gravity, camera frame
+
+  /// The same direction in the marker's frame. A marker that lies on the ground: z, into the
+  /// ground. One that hangs upright on a wall: y.
+  Eigen::Vector3d in_marker = Eigen::Vector3d::UnitZ();
+
+  double sigma_rad = 0.09;  ///< how far both may disagree, standard deviation
+};
+
 struct PoseOptions {
   Fusion fusion = Fusion::joint;
 
   /// After Fusion::joint: align the marker's own picture to the image's grey values, down to the
   /// noise. Where that doesn't converge or doesn't fit, the corners' pose stands.
   bool align = true;
+
+  /// Of Fusion::joint: helps to tell the two solutions of a small marker's pose. It does not change
+  /// a pose otherwise.
+  std::optional<GravityPrior> gravity;
 };
 
 /// Poses of all parents that are seen, best evidence (greatest area in the image) first; a parent
@@ -59,7 +84,7 @@ struct PoseOptions {
 /// range and those that contradict better evidence take no part. Corners are enough: an empty view
 /// stands for an image that isn't at hand. Throws std::invalid_argument if a detection is not of
 /// this set, its corners are not finite and convex or their covariance is not positive definite,
-/// or if the image's size is not the camera's.
+/// if the image's size is not the camera's, or for a gravity without direction or sigma.
 std::vector<Pose> estimate_poses(const ImageView& image, const std::vector<Detection>& detections,
                                  const MarkerSet& markers, const Camera& camera,
                                  const PoseOptions& options = {});

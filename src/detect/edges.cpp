@@ -418,6 +418,7 @@ std::optional<FittedQuad> meet(const std::array<FittedLine, 4>& lines) {
 // Blur may be no Gaussian, and ink no perfect black: what sharpened sides may be wrong by beside
 // the noise (standard deviation, pixels).
 constexpr double kShape = 0.002;
+constexpr double kNarrow = 0.1;        // besides, with bands of no width
 constexpr double kPixelPhase = 0.008;  // besides, along rows or columns of pixels (along_pixels)
 
 /// Whether a side runs along the pixels' rows or columns, so that all of its profiles meet them
@@ -499,11 +500,13 @@ std::optional<FittedLine> sharpen_side(const ImageView& image, const Lens& lens,
   std::array<double, kMaxPositions> weights;
   weights.fill(1.0);
   std::optional<FittedLine> line;
+  double sigma = 0.0;
   // The first round tells which profiles belong.
   for (int round = 0; round < 2; ++round) {
     const auto filter =
         fit_bands(mean_profile(profiles, weights), -profiles.inward * kStep, kStep, bands);
     if (!filter) return std::nullopt;
+    sigma = filter->sigma;
     EdgePoints points;
     for (int i = 0; i < profiles.count; ++i) {
       const double along = profiles.along[static_cast<std::size_t>(i)];
@@ -514,8 +517,10 @@ std::optional<FittedLine> sharpen_side(const ImageView& image, const Lens& lens,
     if (!line) return std::nullopt;
     weights = line->weights;
   }
-  const double beside_noise = aligned ? std::hypot(kShape, kPixelPhase) : kShape;
-  line->offset_variance += beside_noise * beside_noise;
+  line->offset_variance += kShape * kShape + (aligned ? kPixelPhase * kPixelPhase : 0.0);
+  // The narrower the bands in units of the blur, the more depends on what it is like.
+  const double narrow = kNarrow * std::exp(-widths.band / (1.8 * sigma));
+  line->offset_variance += narrow * narrow;
   return line;
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pose/ambiguity.hpp"
 #include "pose/planar.hpp"
 
 namespace harco {
@@ -13,9 +14,6 @@ using Eigen::Isometry3d;
 // In units of the noise, root mean square over a marker's eight coordinates.
 constexpr double kHuber = 2.0;         // from here on a marker counts less
 constexpr double kInconsistent = 6.0;  // from here on not at all
-
-// Loss by which the second solution must be worse to be excluded (a likelihood ratio of e^8).
-constexpr double kExcluded = 16.0;
 
 // Minima closer than this are one (radians).
 constexpr double kSameSolution = 0.005;
@@ -91,10 +89,6 @@ std::optional<RobustFit> fit(std::span<const Observation> observations, const Is
   return result;
 }
 
-double angle_between(const Isometry3d& a, const Isometry3d& b) {
-  return Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle();
-}
-
 PlanarPoses starts(std::span<const Observation> observations) {
   if (observations.size() == 1)
     return planar_poses(observations.front().plane, observations.front().image);
@@ -132,7 +126,7 @@ std::optional<JointPose> solve_joint(std::span<const Observation> observations) 
   if (other &&
       angle_between(pose.camera_T_marker, other->refined.camera_T_marker) > kSameSolution) {
     pose.second = other->refined.camera_T_marker;
-    pose.ambiguous = std::abs(lead) < kExcluded * widening;
+    pose.log_likelihood_ratio = 0.5 * std::abs(lead) / widening;
   }
   return pose;
 }

@@ -16,9 +16,10 @@ struct JointPose {
   std::vector<bool> used;                  ///< for each observation: whether it agrees
   double misfit = 0.0;  ///< root mean square of the whitened residuals' coordinates
 
-  /// The other solution, and whether the image leaves it possible.
+  /// The other solution, and the log-likelihood ratio of the first over it that the corners bear
+  /// out.
   std::optional<Eigen::Isometry3d> second;
-  bool ambiguous = false;
+  double log_likelihood_ratio = 0.0;
 };
 
 /// Both solutions of the plane's pose (planar.hpp), each refined; the one with the smaller loss.

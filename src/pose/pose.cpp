@@ -1,9 +1,12 @@
 #include "harco/pose.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "pose/align.hpp"
+#include "pose/ambiguity.hpp"
 #include "pose/group.hpp"
 #include "pose/paper.hpp"
 
@@ -24,18 +27,82 @@ Pose describe(const Eigen::Isometry3d& camera_T_marker, int parent,
   return pose;
 }
 
-/// `alignment` replaces the corners' solution where there is one.
-Pose joint_pose(const Group& group, const std::optional<Alignment>& alignment, int parent,
-                const std::vector<Detection>& detections, const Camera& camera) {
+// Corners and gravity that make a second solution so much less likely (in log-likelihood) leave
+// nothing for the image to decide.
+constexpr double kExcludedLogRatio = 20.0;
+
+// Solutions closer than this, in radians, are one.
+constexpr double kSameSolution = 0.005;
+
+/// One of the two solutions, from corners or aligned.
+struct Solution {
+  Eigen::Isometry3d camera_T_marker;
+  std::optional<Alignment> alignment;
+};
+
+/// All that the poses of one parent are made from.
+struct Evidence {
+  const ImageView& image;
+  const Camera& camera;
+  const PoseOptions& options;
+  const std::vector<Detection>& detections;
+  int parent = 0;
+  double cell_m = 0.0;
+  Aligner& aligner;
+  std::optional<InkOutline> outline;  ///< there if poses shall be aligned
+
+  Solution solution(const Eigen::Isometry3d& from_corners, const Matrix6d& covariance) const {
+    Solution found{from_corners, std::nullopt};
+    if (outline)
+      found.alignment = aligner.align(image, *outline, cell_m, camera, from_corners, covariance);
+    if (found.alignment) found.camera_T_marker = found.alignment->camera_T_marker;
+    return found;
+  }
+
+  /// Where one of them is aligned at least.
+  double picture(const Solution& a, const Solution& b) const {
+    const Blur& blur = a.alignment ? a.alignment->blur : b.alignment->blur;
+    return picture_ratio(image, *outline, cell_m, camera, {a.camera_T_marker, blur},
+                         {b.camera_T_marker, b.alignment ? b.alignment->blur : blur});
+  }
+
+  double gravity(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) const {
+    return options.gravity ? gravity_ratio(*options.gravity, a, b) : 0.0;
+  }
+};
+
+/// Alignment replaces the corners' solution where there is one; where two solutions are possible,
+/// the image and gravity are asked.
+Pose joint_pose(const Group& group, const Evidence& evidence) {
   std::vector<Observation> used;
   for (std::size_t k = 0; k < group.members.size(); ++k)
     if (group.pose.used[k]) used.push_back(group.members[k]);
-  Pose pose = describe(alignment ? alignment->camera_T_marker : group.pose.camera_T_marker, parent,
-                       used, detections, camera);
-  pose.covariance = alignment ? alignment->covariance : group.pose.covariance;
-  pose.aligned = alignment.has_value();
-  if (alignment) pose.share_used = alignment->share;
-  if (group.pose.ambiguous) pose.alternative = group.pose.second;
+
+  Solution first = evidence.solution(group.pose.camera_T_marker, group.pose.covariance);
+  std::optional<Solution> second;
+  double ratio = group.pose.log_likelihood_ratio;
+  if (group.pose.second) {
+    const double so_far = ratio + evidence.gravity(group.pose.camera_T_marker, *group.pose.second);
+    if (so_far < kExcludedLogRatio)
+      second = evidence.solution(*group.pose.second, group.pose.covariance);
+  }
+  if (second && angle_between(first.camera_T_marker, second->camera_T_marker) < kSameSolution)
+    second.reset();
+  if (second) {
+    if (first.alignment || second->alignment) ratio = evidence.picture(first, *second);
+    ratio += evidence.gravity(first.camera_T_marker, second->camera_T_marker);
+    if (ratio < 0.0) {
+      std::swap(first, *second);
+      ratio = -ratio;
+    }
+  }
+
+  Pose pose =
+      describe(first.camera_T_marker, evidence.parent, used, evidence.detections, evidence.camera);
+  pose.covariance = first.alignment ? first.alignment->covariance : group.pose.covariance;
+  pose.aligned = first.alignment.has_value();
+  if (first.alignment) pose.share_used = first.alignment->share;
+  if (second) add_alternative(pose, second->camera_T_marker, ratio);
   return pose;
 }
 
@@ -45,11 +112,19 @@ Pose paper_pose(const Group& group, int parent, const std::vector<Detection>& de
                   camera);
 }
 
-double evidence(const Pose& pose, const std::vector<Detection>& detections) {
+double seen_area(const Pose& pose, const std::vector<Detection>& detections) {
   double area = 0.0;
   for (const int index : pose.detections)
     area += quad_area(detections[static_cast<std::size_t>(index)].corners);
   return area;
+}
+
+void check(const GravityPrior& gravity) {
+  for (const Eigen::Vector3d& direction : {gravity.in_camera, gravity.in_marker})
+    if (!direction.allFinite() || !(direction.norm() > 0.0))
+      throw std::invalid_argument("gravity: has no direction");
+  if (!(gravity.sigma_rad > 0.0) || !std::isfinite(gravity.sigma_rad))
+    throw std::invalid_argument("gravity: sigma must be positive");
 }
 
 }  // namespace
@@ -60,6 +135,7 @@ std::vector<Pose> estimate_poses(const ImageView& image, const std::vector<Detec
   validate(camera);
   if (!image.empty() && (image.width() != camera.width || image.height() != camera.height))
     throw std::invalid_argument("estimate_poses: the image's size is not the camera's");
+  if (options.gravity) check(*options.gravity);
   if (detections.empty()) return {};
 
   const std::vector<PlacedMarker> placed = place(markers);
@@ -74,25 +150,18 @@ std::vector<Pose> estimate_poses(const ImageView& image, const std::vector<Detec
   for (std::size_t i = 0; i < by_parent.size(); ++i) {
     if (by_parent[i].empty()) continue;
     const Parent& parent = markers.parents[i];
-    const int id = parent.marker.id;
-    const bool aligns = options.align && options.fusion == Fusion::joint && !image.empty();
-    std::optional<InkOutline> outline;
-    if (aligns) outline.emplace(ink_plan(markers, static_cast<int>(i)));
-    const double cell_m = parent.side_m / (parent.marker.code.cells + 2);
-    for (const Group& group : group_by_sheet(by_parent[i], detections, parent.side_m)) {
-      if (options.fusion == Fusion::paper) {
-        poses.push_back(paper_pose(group, id, detections, camera));
-        continue;
-      }
-      std::optional<Alignment> alignment;
-      if (aligns)
-        alignment = aligner.align(image, *outline, cell_m, camera, group.pose.camera_T_marker,
-                                  group.pose.covariance);
-      poses.push_back(joint_pose(group, alignment, id, detections, camera));
-    }
+    Evidence evidence{image,       camera,           options,
+                      detections,  parent.marker.id, parent.side_m / (parent.marker.code.cells + 2),
+                      std::nullopt};
+    if (options.align && options.fusion == Fusion::joint && !image.empty())
+      evidence.outline.emplace(ink_plan(markers, static_cast<int>(i)));
+    for (const Group& group : group_by_sheet(by_parent[i], detections, parent.side_m))
+      poses.push_back(options.fusion == Fusion::paper
+                          ? paper_pose(group, parent.marker.id, detections, camera)
+                          : joint_pose(group, evidence));
   }
   std::stable_sort(poses.begin(), poses.end(), [&](const Pose& a, const Pose& b) {
-    return evidence(a, detections) > evidence(b, detections);
+    return seen_area(a, detections) > seen_area(b, detections);
   });
   return poses;
 }

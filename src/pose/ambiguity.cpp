@@ -1,0 +1,252 @@
+#include "pose/ambiguity.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include <Eigen/Cholesky>
+
+namespace harco {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+
+/// Tukey's loss: z^2 for small z, constant far out.
+double tukey_loss(double z) {
+  constexpr double kTukey = 4.685;
+  const double q = std::max(0.0, 1.0 - z * z / (kTukey * kTukey));
+  return kTukey * kTukey / 3.0 * (1.0 - q * q * q);
+}
+
+double robust_scale(const std::vector<double>& residuals) {
+  constexpr double kRounding = 0.29;  // grey levels
+  std::vector<double> sizes;
+  sizes.reserve(residuals.size());
+  for (const double r : residuals) sizes.push_back(std::abs(r));
+  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+  std::nth_element(sizes.begin(), middle, sizes.end());
+  return std::max(kRounding, 1.4826 * *middle);
+}
+
+/// Where a pixel's ray meets the marker's plane; empty if it doesn't meet its front.
+std::optional<Vector2d> on_plane(const Camera& camera, const Isometry3d& pose,
+                                 const Vector2d& pixel) {
+  const auto ray = camera.unproject(pixel);
+  if (!ray) return std::nullopt;
+  const Vector3d from = -(pose.linear().transpose() * pose.translation());
+  const Vector3d way = pose.linear().transpose() * ray->homogeneous();
+  if (!(from.z() < 0.0) || !(way.z() > 0.0)) return std::nullopt;
+  return Vector2d((from - from.z() / way.z() * way).head<2>());
+}
+
+/// The outlines in the image, in pieces that the lens doesn't bend.
+struct Piece {
+  Vector2d from, to;
+};
+std::vector<Piece> pieces_of(const InkOutline& outline, const Camera& camera,
+                             const Isometry3d& pose) {
+  constexpr double kStraightPx = 8.0;
+  std::vector<Piece> pieces;
+  const auto seen = [&](const Vector2d& point) {
+    return camera.project(pose * Vector3d(point.x(), point.y(), 0.0));
+  };
+  for (const InkEdge& edge : outline.edges()) {
+    const auto from = seen(edge.from), to = seen(edge.to);
+    if (!from || !to) return {};
+    const int parts =
+        camera.has_distortion() ? static_cast<int>((*to - *from).norm() / kStraightPx) + 1 : 1;
+    Vector2d last = *from;
+    for (int i = 1; i <= parts; ++i) {
+      const auto next = seen(edge.from + (edge.to - edge.from) * (double(i) / parts));
+      if (!next) return {};
+      pieces.push_back({last, *next});
+      last = *next;
+    }
+  }
+  return pieces;
+}
+
+/// A rectangle of whole patches.
+struct Frame {
+  int x = 0, y = 0, columns = 0, rows = 0;
+};
+
+/// The patches that hold the square and a little around it.
+Frame frame_around(const Rect& square, const ImageView& image, const Camera& camera,
+                   const Isometry3d& pose) {
+  constexpr double kMarginPx = 3.0;
+  Eigen::Array2d low(image.width(), image.height()), high(0.0, 0.0);
+  for (const double x : {square.x0, square.x1})
+    for (const double y : {square.y0, square.y1})
+      if (const auto pixel = camera.project(pose * Vector3d(x, y, 0.0))) {
+        low = low.min(pixel->array() - kMarginPx);
+        high = high.max(pixel->array() + kMarginPx);
+      }
+  low = low.max(0.0).floor();
+  high = high.min(Eigen::Array2d(image.width(), image.height()));
+  const Eigen::Array2i patches = ((high - low) / kPatch).ceil().max(0.0).cast<int>();
+  return {static_cast<int>(low.x()), static_cast<int>(low.y()), patches.x(), patches.y()};
+}
+
+/// The share of white in every pixel of the frame, row by row; empty if the pose can't be seen.
+std::vector<double> whiteness(const InkOutline& outline, const Camera& camera, const Look& look,
+                              const Frame& frame) {
+  const std::vector<Piece> pieces = pieces_of(outline, camera, look.camera_T_marker);
+  if (pieces.empty()) return {};
+  const auto is_black = [&](const Vector2d& pixel) {
+    const auto point = on_plane(camera, look.camera_T_marker, pixel);
+    return point && outline.is_black(*point);
+  };
+  PatchPainter painter;
+  painter.set_blur(look.blur);
+  const int width = frame.columns * kPatch;
+  std::vector<double> white(static_cast<std::size_t>(width * frame.rows * kPatch));
+  PatchPicture picture;
+  for (int row = 0; row < frame.rows; ++row)
+    for (int column = 0; column < frame.columns; ++column) {
+      const int x0 = frame.x + column * kPatch, y0 = frame.y + row * kPatch;
+      const double reach = painter.margin() + 1.0;
+      painter.begin(x0, y0);
+      for (const Piece& piece : pieces)
+        if (std::max(piece.from.x(), piece.to.x()) > x0 - reach &&
+            std::min(piece.from.x(), piece.to.x()) < x0 + kPatch + reach &&
+            std::max(piece.from.y(), piece.to.y()) > y0 - reach &&
+            std::min(piece.from.y(), piece.to.y()) < y0 + kPatch + reach)
+          painter.add(piece.from, piece.to);
+      painter.finish(is_black, picture);
+      for (int y = 0; y < kPatch; ++y)
+        for (int x = 0; x < kPatch; ++x)
+          white[static_cast<std::size_t>((row * kPatch + y) * width + column * kPatch + x)] =
+              1.0 - static_cast<double>(picture.ink[static_cast<std::size_t>(y * kPatch + x)]);
+    }
+  return white;
+}
+
+/// One pixel that is compared.
+struct Pixel {
+  std::size_t index;  ///< in the frame
+  double grey;
+  Vector3d place;  ///< (1, u, v): where on the marker, -1 … 1, for the light
+};
+
+std::vector<Pixel> pixels_of(const ImageView& image, const Rect& square, double quiet_m,
+                             const Camera& camera, const Isometry3d& pose, const Frame& frame) {
+  const double margin = 0.6 * quiet_m;
+  const int width = frame.columns * kPatch;
+  std::vector<Pixel> pixels;
+  for (int y = frame.y; y < std::min(frame.y + frame.rows * kPatch, image.height()); ++y)
+    for (int x = frame.x; x < std::min(frame.x + width, image.width()); ++x) {
+      const auto point = on_plane(camera, pose, Vector2d(x, y));
+      if (!point || point->x() < square.x0 - margin || point->x() > square.x1 + margin ||
+          point->y() < square.y0 - margin || point->y() > square.y1 + margin)
+        continue;
+      const Vector2d place = 2.0 / square.width() * (*point - Vector2d(square.x0, square.y0));
+      pixels.push_back({static_cast<std::size_t>((y - frame.y) * width + x - frame.x),
+                        static_cast<double>(image(x, y)),
+                        {1.0, place.x() - 1.0, place.y() - 1.0}});
+    }
+  return pixels;
+}
+
+/// What the levels of black and white that fit best (Huber's weights) leave of the greys.
+std::vector<double> residuals(const std::vector<Pixel>& pixels, const std::vector<double>& white) {
+  constexpr int kRounds = 3;
+  std::vector<double> result(pixels.size(), 0.0);
+  double limit = std::numeric_limits<double>::infinity();
+  const auto row = [&](const Pixel& pixel) {
+    Vector6d levels;
+    levels << (1.0 - white[pixel.index]) * pixel.place, white[pixel.index] * pixel.place;
+    return levels;
+  };
+  for (int round = 0; round < kRounds; ++round) {
+    Matrix6d normal = 1e-6 * Matrix6d::Identity();
+    Vector6d right = Vector6d::Zero();
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+      const double weight = 1.0 / std::max(1.0, std::abs(result[i]) / limit);
+      const Vector6d at = row(pixels[i]);
+      normal += weight * at * at.transpose();
+      right += weight * pixels[i].grey * at;
+    }
+    const Vector6d levels = normal.ldlt().solve(right);
+    for (std::size_t i = 0; i < pixels.size(); ++i)
+      result[i] = pixels[i].grey - row(pixels[i]).dot(levels);
+    limit = 1.5 * robust_scale(result);
+  }
+  return result;
+}
+
+double loss(const std::vector<double>& residuals, double scale) {
+  double sum = 0.0;
+  for (const double r : residuals) sum += tukey_loss(r / scale);
+  return sum;
+}
+
+/// What has to be added to the pose's estimate to reach another one, as in Pose::covariance.
+Vector6d way(const Isometry3d& from, const Isometry3d& to) {
+  const Eigen::AngleAxisd turn(from.linear().transpose() * to.linear());
+  Vector6d way;
+  way << to.translation() - from.translation(), turn.angle() * turn.axis();
+  return way;
+}
+
+/// Second moment that the other solution adds; it is the same seen from either one.
+Matrix6d spread(const Isometry3d& pose, const Isometry3d& other, double ratio) {
+  const Vector6d apart = way(pose, other);
+  return apart * apart.transpose() / (1.0 + std::exp(std::min(ratio, 700.0)));
+}
+
+}  // namespace
+
+double picture_ratio(const ImageView& image, const InkOutline& outline, double quiet_m,
+                     const Camera& camera, const Look& a, const Look& b) {
+  constexpr std::size_t kEnough = 60;
+  const Frame frame = frame_around(outline.square(), image, camera, a.camera_T_marker);
+  const std::vector<Pixel> pixels =
+      pixels_of(image, outline.square(), quiet_m, camera, a.camera_T_marker, frame);
+  const std::vector<double> white_a = whiteness(outline, camera, a, frame);
+  const std::vector<double> white_b = whiteness(outline, camera, b, frame);
+  if (pixels.size() < kEnough || white_a.empty() || white_b.empty()) return 0.0;
+  const std::vector<double> left_a = residuals(pixels, white_a);
+  const double scale = robust_scale(left_a);
+  return 0.5 * (loss(residuals(pixels, white_b), scale) - loss(left_a, scale));
+}
+
+double gravity_ratio(const GravityPrior& gravity, const Isometry3d& a, const Isometry3d& b) {
+  const Vector3d down = gravity.in_camera.normalized();
+  const Vector3d on_marker = gravity.in_marker.normalized();
+  const auto squared_angle = [&](const Isometry3d& pose) {
+    const Vector3d expected = pose.linear() * on_marker;
+    const double angle = std::atan2(expected.cross(down).norm(), expected.dot(down));
+    return angle * angle;
+  };
+  return 0.5 * (squared_angle(b) - squared_angle(a)) / (gravity.sigma_rad * gravity.sigma_rad);
+}
+
+double angle_between(const Isometry3d& a, const Isometry3d& b) {
+  return Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle();
+}
+
+void add_alternative(Pose& pose, const Isometry3d& second, double ratio) {
+  pose.alternative = second;
+  if (ratio < 0.0) std::swap(pose.camera_T_marker, *pose.alternative);
+  ratio = std::abs(ratio);
+  if (pose.covariance) *pose.covariance += spread(pose.camera_T_marker, *pose.alternative, ratio);
+  pose.log_likelihood_ratio = ratio;
+  if (ratio > kDecidedLogRatio) {
+    pose.alternative.reset();
+    pose.log_likelihood_ratio.reset();
+  }
+}
+
+void change_ratio(Pose& pose, double ratio) {
+  if (pose.covariance)
+    *pose.covariance -= spread(pose.camera_T_marker, *pose.alternative, *pose.log_likelihood_ratio);
+  const Isometry3d second = *pose.alternative;
+  add_alternative(pose, second, ratio);
+}
+
+}  // namespace harco
