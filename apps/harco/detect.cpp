@@ -1,5 +1,6 @@
 // harco detect: what is seen in pictures, videos and streams, and where it stands.
 #include <atomic>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <sstream>
@@ -45,6 +46,8 @@ struct DetectOptions {
 
   std::string fusion = "joint";
   bool corners_only = false;
+  std::vector<double> gravity;  ///< x, y, z in the camera's frame and, if given, sigma in degrees
+  std::string mount = "ground";
   DetectorOptions detector;
   bool track = false;
   std::tuple<int, int, int> memory{3, 3, 10};  ///< a, b, c of the paper's rule
@@ -68,7 +71,7 @@ class Observer {
       : options_(options),
         camera_(camera),
         pose_options_{options.fusion == "paper" ? Fusion::paper : Fusion::joint,
-                      !options.corners_only},
+                      !options.corners_only, gravity_of(options)},
         detector_(markers, detector_options()) {
     if (options.track) start_tracking();
   }
@@ -101,6 +104,15 @@ class Observer {
   }
 
  private:
+  static std::optional<GravityPrior> gravity_of(const DetectOptions& options) {
+    if (options.gravity.empty()) return std::nullopt;
+    GravityPrior prior;
+    prior.in_camera = Eigen::Map<const Eigen::Vector3d>(options.gravity.data());
+    if (options.mount == "wall") prior.in_marker = Eigen::Vector3d::UnitY();
+    if (options.gravity.size() == 4) prior.sigma_rad = options.gravity[3] * std::acos(-1.0) / 180.0;
+    return prior;
+  }
+
   DetectorOptions detector_options() const {
     DetectorOptions all = options_.detector;
     all.camera = camera_;
@@ -111,6 +123,7 @@ class Observer {
   void start_tracking() {
     const auto [a, b, c] = options_.memory;
     memory_.emplace(MemoryOptions{a, b, c});
+    continuity_.emplace();
     // The joint solution is not improved by a filter that knows nothing of motion.
     if (pose_options_.fusion == Fusion::paper) low_pass_.emplace(options_.time_constant_s);
   }
@@ -129,6 +142,7 @@ class Observer {
     if (camera_)
       result.poses =
           estimate_poses(image, result.detections, detector_.markers(), *camera_, pose_options_);
+    if (continuity_) continuity_->decide(result.poses, result.timestamp_s);
     if (low_pass_) result.poses = low_pass_->filter(result.poses, result.timestamp_s);
 
     if (!needs_colour(options_)) return;
@@ -145,6 +159,7 @@ class Observer {
   PoseOptions pose_options_;
   Detector detector_;
   std::optional<Memory> memory_;
+  std::optional<Continuity> continuity_;
   std::optional<LowPass> low_pass_;
   std::size_t sequence_ = 0;
 };
@@ -221,7 +236,16 @@ void show_progress(ProgressBar& progress, int done, std::size_t all) {
     progress.show(0.0, fmt::format("{} frames", done));
 }
 
+/// X,Y,Z or X,Y,Z,SIGMA_DEG.
+void check_gravity(const std::vector<double>& gravity) {
+  if (gravity[0] == 0.0 && gravity[1] == 0.0 && gravity[2] == 0.0)
+    throw Error("--gravity: 0,0,0 is no direction");
+  if (gravity.size() == 4 && !(gravity[3] > 0.0))
+    throw Error("--gravity: the sigma must be positive degrees");
+}
+
 void run(DetectOptions options) {
+  if (!options.gravity.empty()) check_gravity(options.gravity);
   const MarkerSet markers = load_markers(options.markers_file);
   std::optional<Camera> camera;
   if (!options.camera_file.empty()) camera = load_camera(options.camera_file);
@@ -339,6 +363,23 @@ void add_detect(CLI::App& app) {
                  wrapped("Joint poses from corners alone, without aligning the marker's picture to "
                          "the image: some ten times faster and less accurate"))
       ->group(detection);
+  verb->add_option(
+          "--gravity", options->gravity,
+          wrapped("Direction of gravity in the camera's frame (x right, y down, z forward) and how "
+                  "far it may be off, in degrees (5): tells the two solutions of a small marker's "
+                  "pose"))
+      ->delimiter(',')
+      ->expected(3, 4)
+      ->type_name("X,Y,Z[,SIGMA]")
+      ->check(CLI::Number.description(""))
+      ->group(detection);
+  verb->add_option("--mount", options->mount,
+                   wrapped("With --gravity: where the marker is. Flat on the ground, "
+                           "or upright on a wall"))
+      ->check(CLI::IsMember({"ground", "wall"}))
+      ->type_name("NAME")
+      ->capture_default_str()
+      ->group(detection);
   verb->add_option("--min-side", options->detector.min_side_px,
                    wrapped("Smallest side of a marker looked for, in pixels"))
       ->type_name("PX")
@@ -358,8 +399,10 @@ void add_detect(CLI::App& app) {
   const std::string time = "Frames over time";
   verb->add_flag(
           "--track", options->track,
-          wrapped("Use earlier frames too: believe a code with more wrong bits if its marker was "
-                  "seen before and, with --fusion paper, smooth the poses"))
+          wrapped(
+              "Use earlier frames too: believe a code with more wrong bits if its marker was "
+              "seen before, tell the two solutions of a small marker's pose by the frames before "
+              "and, with --fusion paper, smooth the poses"))
       ->group(time);
   verb->add_option(
           "--memory", options->memory,

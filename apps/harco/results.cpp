@@ -42,14 +42,20 @@ Json marker_json(const Detection& detection) {
 }
 
 Json pose_json(const Pose& pose) {
-  return {{"parent", pose.parent},
-          {"rotation", matrix_json(pose.camera_T_marker.rotation())},
-          {"translation", vector_json(pose.camera_T_marker.translation())},
-          {"covariance", is_known(pose.covariance) ? matrix_json(*pose.covariance) : Json(nullptr)},
-          {"rms_px", number(pose.rms_px)},
-          {"markers", pose.markers},
-          {"aligned", pose.aligned},
-          {"share_used", number(pose.share_used)}};
+  Json json = {
+      {"parent", pose.parent},
+      {"rotation", matrix_json(pose.camera_T_marker.rotation())},
+      {"translation", vector_json(pose.camera_T_marker.translation())},
+      {"covariance", is_known(pose.covariance) ? matrix_json(*pose.covariance) : Json(nullptr)},
+      {"rms_px", number(pose.rms_px)},
+      {"markers", pose.markers},
+      {"aligned", pose.aligned},
+      {"share_used", number(pose.share_used)}};
+  if (pose.alternative)
+    json["alternative"] = {{"rotation", matrix_json(pose.alternative->rotation())},
+                           {"translation", vector_json(pose.alternative->translation())},
+                           {"log_likelihood_ratio", number(*pose.log_likelihood_ratio)}};
+  return json;
 }
 
 /// One row of CSV by the names of its columns.

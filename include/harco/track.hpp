@@ -31,6 +31,31 @@ class Memory {
   std::deque<std::vector<int>> seen_;  ///< placed indices, one entry a frame, newest last
 };
 
+/// Tells the two solutions of a small marker's pose (Pose::alternative) by the frames before: a
+/// marker doesn't jump from one tilt to its mirror image. What one frame leaves open, several
+/// decide.
+class Continuity {
+ public:
+  /// `rate_rad_s`: how fast camera and marker turn against each other, one standard deviation.
+  explicit Continuity(double rate_rad_s = 1.0);
+
+  /// Weighs the alternatives in the poses of one frame, taken at `time_s`, by what the past makes
+  /// of both: the likelier becomes the pose, and what is decided by now has no alternative any
+  /// more. A parent not seen for longer than a second starts anew. Time must not run backwards.
+  void decide(std::vector<Pose>& poses, double time_s);
+
+ private:
+  /// What is believed of one parent: its pose or the alternative.
+  struct Belief {
+    double time_s;
+    Pose pose;
+  };
+  double expected(const Belief& belief, const Eigen::Isometry3d& pose, double time_s) const;
+
+  double rate_rad_s_;
+  std::vector<Belief> beliefs_;
+};
+
 /// First-order low-pass on poses, parent by parent: the filter that ends Algorithm 2.
 class LowPass {
  public:

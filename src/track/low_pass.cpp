@@ -60,6 +60,7 @@ std::vector<Pose> LowPass::filter(const std::vector<Pose>& poses, double time_s)
     }
     pose.covariance.reset();
     pose.alternative.reset();
+    pose.log_likelihood_ratio.reset();
     next.push_back({pose.parent, time_s, pose.camera_T_marker});
   }
   states_.insert(states_.end(), next.begin(), next.end());
