@@ -306,6 +306,78 @@ TEST(JointPose, NamesTheOtherSolutionOnlyWhereItIsPossible) {
   EXPECT_FALSE(estimate({seen(0, near, pinhole(), 0.1)}, pinhole()).at(0).alternative);
 }
 
+TEST(JointPose, GravityTellsTheTwoSolutions) {
+  const Isometry3d far = pose_of(about(Vector3d::UnitY(), 30.0), {0.0, 0.0, 40.0});
+  const std::vector<Detection> detections{seen(0, far, pinhole(), 0.3)};
+  for (const double sign : {1.0, -1.0}) {
+    PoseOptions options;
+    options.gravity.emplace();
+    // The marker lies on the ground, tilted to the camera by 30 degrees one way or the other.
+    options.gravity->in_camera = Vector3d(sign * 0.5, 0.0, std::sqrt(0.75));
+    const Pose ground = estimate_poses({}, detections, markers(), pinhole(), options).at(0);
+    EXPECT_FALSE(ground.alternative);
+    EXPECT_FALSE(ground.log_likelihood_ratio);
+    EXPECT_NEAR(ground.camera_T_marker.linear()(0, 2), sign * 0.5, 0.1);
+    // On a wall: gravity along its y axis, which both solutions have in common, tells nothing.
+    options.gravity->in_marker = Vector3d::UnitY();
+    options.gravity->in_camera = Vector3d::UnitY();
+    EXPECT_TRUE(estimate_poses({}, detections, markers(), pinhole(), options).at(0).alternative);
+  }
+  PoseOptions bad;
+  bad.gravity.emplace();
+  bad.gravity->sigma_rad = 0.0;
+  EXPECT_THROW(estimate_poses({}, detections, markers(), pinhole(), bad), std::invalid_argument);
+  bad.gravity->sigma_rad = 0.1;
+  bad.gravity->in_camera.setZero();
+  EXPECT_THROW(estimate_poses({}, detections, markers(), pinhole(), bad), std::invalid_argument);
+}
+
+TEST(JointPose, NoSilentFlipAndAnHonestRatio) {
+  // Squares of 14 to 40 pixels, corners known to 0.1 pixels, tilted by up to 40 degrees.
+  constexpr double kSigma = 0.1;
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  int open = 0, wrong = 0, silent = 0;
+  double expected_wrong = 0.0;
+  std::vector<double> normalised;
+  constexpr int kFrames = 600;
+  for (int frame = 0; frame < kFrames; ++frame) {
+    const double turn = 6.2831853 * unit(random);
+    const Matrix3d rotation = about({std::cos(turn), std::sin(turn), 0.0}, 40.0 * unit(random)) *
+                              about(Vector3d::UnitZ(), 360.0 * unit(random));
+    const double distance = 700.0 * 0.7 / (14.0 + 26.0 * unit(random));
+    const Isometry3d truth = pose_of(rotation, {0.1 * distance * normal(random), 0.0, distance});
+    Detection detection = seen(0, truth, pinhole(), kSigma);
+    for (Vector2d& corner : detection.corners)
+      corner += kSigma * Vector2d(normal(random), normal(random));
+    const Pose pose = estimate({detection}, pinhole()).at(0);
+    const Vector6d error = error_of(pose.camera_T_marker, truth);
+    normalised.push_back(error.dot(pose.covariance->ldlt().solve(error)));
+    const double off = error.tail<3>().norm();
+    ASSERT_EQ(pose.alternative.has_value(), pose.log_likelihood_ratio.has_value());
+    if (pose.alternative) {
+      ++open;
+      EXPECT_GE(*pose.log_likelihood_ratio, 0.0);
+      EXPECT_LE(*pose.log_likelihood_ratio, kDecidedLogRatio);
+      expected_wrong += 1.0 / (1.0 + std::exp(*pose.log_likelihood_ratio));
+      wrong += error_of(*pose.alternative, truth).tail<3>().norm() < off ? 1 : 0;
+    } else if (off > 0.5) {
+      ++silent;
+    }
+  }
+  EXPECT_EQ(silent, 0);
+  EXPECT_GT(open, kFrames / 5);
+  EXPECT_LT(open, kFrames * 9 / 10);
+  // Of so many, by three standard deviations; fewer are welcome.
+  EXPECT_LT(wrong, expected_wrong + 3.0 * std::sqrt(expected_wrong));
+  EXPECT_GT(wrong, 0.3 * expected_wrong);
+  double sum = 0.0;
+  for (const double value : normalised) sum += value;
+  EXPECT_GT(sum / kFrames, 3.0);
+  EXPECT_LT(sum / kFrames, 8.0);
+}
+
 TEST(JointPose, OneBadMarkerDoesNotSpoilIt) {
   const Camera camera = pinhole();
   const Isometry3d truth = pose_of(about({1, 0.5, 0}, 25.0), {-0.3, -0.3, 1.6});

@@ -79,6 +79,63 @@ Pose pose(int parent, const Vector3d& translation, double turn_z = 0.0) {
   return p;
 }
 
+/// A marker tilted by `tilt` or by its mirrored tilt, `ratio` for the first.
+Pose undecided(double tilt, double ratio) {
+  Pose pose;
+  pose.camera_T_marker.linear() = AngleAxisd(tilt, Vector3d::UnitX()).toRotationMatrix();
+  pose.camera_T_marker.translation() = Vector3d(0.0, 0.0, 30.0);
+  pose.alternative = pose.camera_T_marker;
+  pose.alternative->linear() = AngleAxisd(-tilt, Vector3d::UnitX()).toRotationMatrix();
+  pose.log_likelihood_ratio = ratio;
+  pose.covariance = 1e-4 * Matrix6d::Identity();
+  (*pose.covariance)(3, 3) += 4.0 * tilt * tilt / (1.0 + std::exp(ratio));
+  return pose;
+}
+
+double tilt_of(const Pose& pose) {
+  return std::atan2(pose.camera_T_marker.linear()(2, 1), pose.camera_T_marker.linear()(1, 1));
+}
+
+TEST(Continuity, KeepsAMarkerFromFlipping) {
+  Continuity continuity;
+  std::vector<Pose> decided{undecided(0.4, 0.0)};
+  decided[0].alternative.reset();
+  decided[0].log_likelihood_ratio.reset();
+  continuity.decide(decided, 0.0);
+  EXPECT_FALSE(decided[0].alternative);
+  // The next frame leans the wrong way, a little.
+  std::vector<Pose> next{undecided(-0.4, 0.5)};
+  continuity.decide(next, 0.03);
+  EXPECT_NEAR(tilt_of(next[0]), 0.4, 1e-9);
+  ASSERT_TRUE(next[0].alternative);
+  EXPECT_NEAR(*next[0].log_likelihood_ratio, 0.8 * 6.0 - 0.5, 1e-6);
+  // Its covariance is what it would be had it known at once.
+  EXPECT_NEAR((*next[0].covariance)(3, 3),
+              1e-4 + 4.0 * 0.16 / (1.0 + std::exp(*next[0].log_likelihood_ratio)), 1e-9);
+  // Strong evidence of its own is not overruled.
+  std::vector<Pose> strong{undecided(-0.4, 5.5)};
+  continuity.decide(strong, 0.06);
+  EXPECT_NEAR(tilt_of(strong[0]), -0.4, 1e-9);
+}
+
+TEST(Continuity, SeveralFramesDecideWhatOneLeavesOpen) {
+  Continuity continuity;
+  bool decided = false;
+  for (int frame = 0; frame < 12 && !decided; ++frame) {
+    std::vector<Pose> poses{undecided(0.4, 2.0)};
+    continuity.decide(poses, 0.033 * frame);
+    EXPECT_NEAR(tilt_of(poses[0]), 0.4, 1e-9);
+    decided = !poses[0].alternative;
+    EXPECT_FALSE(decided && frame < 2);
+  }
+  EXPECT_TRUE(decided);
+  // After a second out of sight it starts anew.
+  std::vector<Pose> later{undecided(-0.4, 2.0)};
+  continuity.decide(later, 3.0);
+  EXPECT_NEAR(*later[0].log_likelihood_ratio, 2.0, 1e-12);
+  EXPECT_THROW(continuity.decide(later, 2.0), std::invalid_argument);
+}
+
 TEST(LowPass, AnswersAStepAsAFirstOrderFilterDoes) {
   LowPass filter(0.5);
   filter.filter({pose(3, {0, 0, 1}, 0.0)}, 10.0);

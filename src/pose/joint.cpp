@@ -15,6 +15,10 @@ using Eigen::Isometry3d;
 constexpr double kHuber = 2.0;         // from here on a marker counts less
 constexpr double kInconsistent = 6.0;  // from here on not at all
 
+// Corners' errors have longer tails than the Gaussian law: a log-likelihood ratio is worth this
+// share.
+constexpr double kTrust = 0.7;
+
 // Minima closer than this are one (radians).
 constexpr double kSameSolution = 0.005;
 
@@ -126,7 +130,7 @@ std::optional<JointPose> solve_joint(std::span<const Observation> observations) 
   if (other &&
       angle_between(pose.camera_T_marker, other->refined.camera_T_marker) > kSameSolution) {
     pose.second = other->refined.camera_T_marker;
-    pose.log_likelihood_ratio = 0.5 * std::abs(lead) / widening;
+    pose.log_likelihood_ratio = kTrust * 0.5 * std::abs(lead) / widening;
   }
   return pose;
 }

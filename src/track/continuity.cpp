@@ -12,7 +12,7 @@ namespace {
 // The tilt of a small marker is uncertain by about this, radians, however still it stands.
 constexpr double kLeastSpread = 0.05;
 // The past may be wrong: no step counts for more than this, in log-likelihood.
-constexpr double kMostRatio = 5.0;
+constexpr double kMostRatio = 6.0;
 // Errors of neighbouring frames have causes in common: so much of what was known is kept.
 constexpr double kMemory = 0.8;
 constexpr double kForgetAfter = 1.0;  // seconds
