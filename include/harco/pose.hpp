@@ -76,7 +76,7 @@ struct PoseOptions {
 
   /// Of Fusion::joint: helps to tell the two solutions of a small marker's pose. It does not change
   /// a pose otherwise.
-  std::optional<GravityPrior> gravity;
+  std::optional<GravityPrior> gravity = std::nullopt;
 };
 
 /// Poses of all parents that are seen, best evidence (greatest area in the image) first; a parent
