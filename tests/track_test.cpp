@@ -133,7 +133,10 @@ TEST(Continuity, SeveralFramesDecideWhatOneLeavesOpen) {
   std::vector<Pose> later{undecided(-0.4, 2.0)};
   continuity.decide(later, 3.0);
   EXPECT_NEAR(*later[0].log_likelihood_ratio, 2.0, 1e-12);
-  EXPECT_THROW(continuity.decide(later, 2.0), std::invalid_argument);
+  // So does all when time runs backwards.
+  std::vector<Pose> earlier{undecided(-0.4, 1.0)};
+  continuity.decide(earlier, 2.0);
+  EXPECT_NEAR(*earlier[0].log_likelihood_ratio, 1.0, 1e-12);
 }
 
 TEST(LowPass, AnswersAStepAsAFirstOrderFilterDoes) {

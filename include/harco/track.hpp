@@ -41,7 +41,8 @@ class Continuity {
 
   /// Weighs the alternatives in the poses of one frame, taken at `time_s`, by what the past makes
   /// of both: the likelier becomes the pose, and what is decided by now has no alternative any
-  /// more. A parent not seen for longer than a second starts anew. Time must not run backwards.
+  /// more. A parent not seen for longer than a second starts anew, and so does all when time runs
+  /// backwards.
   void decide(std::vector<Pose>& poses, double time_s);
 
  private:

@@ -43,9 +43,6 @@ double Continuity::expected(const Belief& belief, const Eigen::Isometry3d& pose,
 
 void Continuity::decide(std::vector<Pose>& poses, double time_s) {
   if (!std::isfinite(time_s)) throw std::invalid_argument("continuity: the time must be finite");
-  for (const Belief& belief : beliefs_)
-    if (belief.time_s > time_s)
-      throw std::invalid_argument("continuity: time must not run backwards");
   beliefs_.erase(
       std::remove_if(beliefs_.begin(), beliefs_.end(),
                      [&](const Belief& belief) { return time_s - belief.time_s > kForgetAfter; }),
