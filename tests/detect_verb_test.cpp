@@ -352,39 +352,12 @@ TEST_F(DetectVerb, ExplainsEveryStage) {
   EXPECT_EQ(lines_of(read_file(own / "candidates.txt")).size(), list["candidates"].size() + 1);
 }
 
-TEST_F(DetectVerb, GravityTellsTheTwoSolutionsOfASmallMarker) {
-  // Corners of a marker of 18 pixels, on the axis, so that perspective is below the noise.
-  json open;
-  for (int number = 0; number < 20 && open.is_null(); ++number) {
-    lab::Scene scene;
-    scene.camera = camera_;
-    scene.noise_sigma = 4.0;
-    scene.parents.push_back({0, lab::look_at_marker({0.25, 0.25}, 11.0, 0.5, number, 0.2)});
-    write_file(folder_ / "far.pgm",
-               pgm(lab::render(scene, markers_, static_cast<std::uint64_t>(number))));
-    const CommandResult result = detect("--corners-only " + path("far.pgm"));
-    ASSERT_EQ(result.status, 0) << result.errors;
-    for (const json& pose : json_lines(result.output).at(0)["poses"])
-      if (pose.contains("alternative")) open = pose;
-  }
-  ASSERT_FALSE(open.is_null());
-  const json& other = open["alternative"];
-  EXPECT_GE(other["log_likelihood_ratio"], 0.0);
-  EXPECT_LE(other["log_likelihood_ratio"], kDecidedLogRatio);
-  // Gravity says that the marker lies as in the alternative; or that it hangs so.
-  for (const auto& [axis, mount] : {std::pair{2, "ground"}, std::pair{1, "wall"}}) {
-    std::string gravity = "--corners-only --mount " + std::string(mount) + " --gravity ";
-    for (std::size_t i = 0; i < 3; ++i)
-      gravity +=
-          std::to_string(other["rotation"][i][static_cast<std::size_t>(axis)].get<double>()) + ",";
-    const CommandResult result = detect(gravity + "2 " + path("far.pgm"));
-    ASSERT_EQ(result.status, 0) << result.errors;
-    const json pose = json_lines(result.output).at(0)["poses"].at(0);
-    EXPECT_FALSE(pose.contains("alternative")) << mount;
-    EXPECT_EQ(pose["rotation"], other["rotation"]) << mount;
-  }
-  expect_refused("--gravity 0,0,0 " + path("far.pgm"), "--gravity");
-  expect_refused("--gravity 0,0,1,-2 " + path("far.pgm"), "--gravity");
+TEST_F(DetectVerb, RefusesGravityWithoutDirectionOrSigma) {
+  write_file(folder_ / "near.pgm", pgm(frame(0)));
+  EXPECT_EQ(detect("--gravity 0,0.2,0.98 " + path("near.pgm")).status, 0);
+  EXPECT_EQ(detect("--gravity 0,1,0,2 --mount wall " + path("near.pgm")).status, 0);
+  expect_refused("--gravity 0,0,0 " + path("near.pgm"), "--gravity");
+  expect_refused("--gravity 0,0,1,-2 " + path("near.pgm"), "--gravity");
 }
 
 TEST_F(DetectVerb, TracksThroughTime) {

@@ -43,10 +43,12 @@ double Continuity::expected(const Belief& belief, const Eigen::Isometry3d& pose,
 
 void Continuity::decide(std::vector<Pose>& poses, double time_s) {
   if (!std::isfinite(time_s)) throw std::invalid_argument("continuity: the time must be finite");
-  beliefs_.erase(
-      std::remove_if(beliefs_.begin(), beliefs_.end(),
-                     [&](const Belief& belief) { return time_s - belief.time_s > kForgetAfter; }),
-      beliefs_.end());
+  beliefs_.erase(std::remove_if(beliefs_.begin(), beliefs_.end(),
+                                [&](const Belief& belief) {
+                                  const double age = time_s - belief.time_s;
+                                  return age < 0.0 || age > kForgetAfter;
+                                }),
+                 beliefs_.end());
 
   std::vector<Belief> next;
   for (Pose& pose : poses) {
