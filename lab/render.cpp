@@ -245,18 +245,6 @@ FloatImage painted(const Scene& scene, const SheetOfIndex& sheet) {
   return image;
 }
 
-Image with_noise(const FloatImage& exact, double sigma, std::uint64_t seed) {
-  Image image(exact.width, exact.height);
-  std::mt19937_64 random(seed);
-  std::normal_distribution<double> unit;
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
-    double value = static_cast<double>(exact.pixels[i]);
-    if (sigma > 0.0) value += sigma * unit(random);
-    image.pixels[i] = static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0, 255.0)));
-  }
-  return image;
-}
-
 }  // namespace
 
 Sheet sheet_of(const MarkerSet& markers, int parent_index, double quiet_zone_cells) {
@@ -281,12 +269,24 @@ FloatImage render_exact(const Scene& scene, const std::vector<Sheet>& sheets) {
   });
 }
 
+Image expose(const FloatImage& exact, double sigma, std::uint64_t seed) {
+  Image image(exact.width, exact.height);
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> unit;
+  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+    double value = static_cast<double>(exact.pixels[i]);
+    if (sigma > 0.0) value += sigma * unit(random);
+    image.pixels[i] = static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0, 255.0)));
+  }
+  return image;
+}
+
 Image render(const Scene& scene, const MarkerSet& markers, std::uint64_t noise_seed) {
-  return with_noise(render_exact(scene, markers), scene.noise_sigma, noise_seed);
+  return expose(render_exact(scene, markers), scene.noise_sigma, noise_seed);
 }
 
 Image render(const Scene& scene, const std::vector<Sheet>& sheets, std::uint64_t noise_seed) {
-  return with_noise(render_exact(scene, sheets), scene.noise_sigma, noise_seed);
+  return expose(render_exact(scene, sheets), scene.noise_sigma, noise_seed);
 }
 
 Eigen::Isometry3d look_at_marker(const Eigen::Vector2d& marker_point_m, double distance_m,

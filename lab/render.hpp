@@ -64,6 +64,9 @@ FloatImage render_exact(const Scene& scene, const std::vector<Sheet>& sheets);
 Image render(const Scene& scene, const MarkerSet& markers, std::uint64_t noise_seed);
 Image render(const Scene& scene, const std::vector<Sheet>& sheets, std::uint64_t noise_seed);
 
+/// The picture that a sensor takes: Gaussian noise, whole grey levels 0 ... 255.
+Image expose(const FloatImage& exact, double noise_sigma, std::uint64_t noise_seed);
+
 /// camera_T_marker of a camera whose optical axis meets the marker's plane at `marker_point_m`, at
 /// `distance_m` along the axis. All angles zero is the frontal view, where the axes of camera and
 /// marker agree. The marker is turned by `tilt_rad` about an axis in its plane, at

@@ -36,6 +36,14 @@ struct Detection {
 
   int bit_errors = 0;      ///< corrected bits
   double quality = 0.0;    ///< 0 … 1: how well the cells agree with the marker's own picture
+
+  /// Its corners were not measured: they follow from a larger marker of the same sheet, and its cells
+  /// were found to be there. Poses don't count it as evidence of its own.
+  bool inferred = false;
+
+  /// Share of its picture's edges that were seen, below 1 for a marker that is partly covered.
+  double visible = 1.0;
+
   bool tentative = false;  ///< more bits corrected than one frame alone can justify (track.hpp)
 };
 
@@ -56,6 +64,14 @@ struct DetectorOptions {
   /// The paper's a (section 3.4 c): codes with up to so many wrong bits, beyond max_bit_errors, are
   /// returned as tentative for `Memory` to confirm. 0: none are.
   int tentative_bit_errors = 0;
+
+  /// Whether layer-1 markers of which parts are covered or out of view are looked for as well, from
+  /// a side of some 40 pixels on, in frames without a whole one.
+  bool covered = true;
+
+  /// Whether markers too small for their outline to be found are looked for where a larger one
+  /// of their sheet says that they are (Detection::inferred).
+  bool infer = true;
 
   /// Lens of the images. With it, edges are fitted where they are straight; without it,
   /// the image is taken to be free of distortion.

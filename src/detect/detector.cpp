@@ -13,8 +13,12 @@
 #include "detect/contours.hpp"
 #include "detect/edges.hpp"
 #include "detect/lens.hpp"
+#include "detect/prediction.hpp"
 #include "detect/quad.hpp"
+#include "detect/recovery.hpp"
 #include "detect/relations.hpp"
+#include "detect/segments.hpp"
+#include "detect/side_quads.hpp"
 #include "detect/square_homography.hpp"
 #include "detect/threshold.hpp"
 #include "harco/detect.hpp"
@@ -38,6 +42,12 @@ constexpr double kSoft = 1.15;
 constexpr double kSmallCell = 5.0;
 // Ring cells that glare, dirt or blur may have turned, as a share of the ring.
 constexpr double kWrongRingShare = 0.1;
+
+// Of partly covered markers: the shortest straight part of an outline that tells something, the
+// smallest side in pixels, and how many squares are tried in a frame.
+constexpr double kLeastSegment = 8.0;
+constexpr double kLeastCoveredSide = 40.0;
+constexpr std::size_t kMostCoveredSquares = 40;
 
 void check(const DetectorOptions& options) {
   if (!(options.min_side_px >= 4.0) || !std::isfinite(options.min_side_px))
@@ -184,6 +194,7 @@ struct Detector::Impl {
     placed = place(markers);
     predicted = predicted_cells(markers);
     lens = detect::Lens(options.camera);
+    recovery.emplace(markers, placed, predicted);
     for (const bool children : {false, true})
       for (int n = Code::kMinCells; n <= Code::kMaxCells; ++n) {
         Codebook book(n, placed, children);
@@ -201,10 +212,15 @@ struct Detector::Impl {
   double required_quality(int errors) const;
   Rejection identify(const ImageView& image, Candidate& candidate, const Codebook& book,
                      const detect::FittedQuad& fitted, double blur_px);
+  void recover(const ImageView& image);
+  void add_recovered(const detect::Recovered& recovered);
   std::vector<Detection> settle();
+  void infer(const ImageView& image, std::vector<Detection>& detections);
+  bool confirm(const ImageView& image, const detect::PredictedQuad& quad, Detection& detection);
   void reject(const Found& what, Rejection why);
   detect::SideProfile side_profile(bool child, int cells) const;
   void sharpen(const ImageView& image, Detection& detection) const;
+  bool set_corners(const Quad& ideal, const Matrix8d& covariance, Detection& detection) const;
 
   MarkerSet markers;
   DetectorOptions options;
@@ -222,6 +238,8 @@ struct Detector::Impl {
   std::vector<Found> found;
   std::vector<Match> matches;
   DetectorStatistics statistics;
+  std::vector<detect::Segment> segments;  // straight parts of outlines
+  std::optional<detect::Recovery> recovery;
 };
 
 void Detector::Impl::find_shapes(const ImageView& image, DetectionTrace* trace) {
@@ -395,6 +413,23 @@ detect::SideProfile Detector::Impl::side_profile(bool child, int cells) const {
   return profile;
 }
 
+/// Corners in the image from those of the ideal camera. False where the lens can't image them.
+bool Detector::Impl::set_corners(const Quad& ideal, const Matrix8d& covariance,
+                                 Detection& detection) const {
+  Matrix8d distorted = Matrix8d::Zero();
+  std::array<Eigen::Vector2d, 4> corners;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto pixel = lens.from_ideal(ideal[i]);
+    if (!pixel) return false;
+    corners[i] = *pixel;
+    const auto at = static_cast<Eigen::Index>(2 * i);
+    distorted.block<2, 2>(at, at) = lens.from_ideal_jacobian(ideal[i]);
+  }
+  detection.corners = corners;
+  detection.corner_covariance = distorted * covariance * distorted.transpose();
+  return true;
+}
+
 /// The final corners, and how well they are known. Those that decoding was content with stay where
 /// nothing better is found.
 void Detector::Impl::sharpen(const ImageView& image, Detection& detection) const {
@@ -412,17 +447,71 @@ void Detector::Impl::sharpen(const ImageView& image, Detection& detection) const
                                            side_profile(child, marker.code.cells));
   if (!sharp) return;
   square = detect::grown(sharp->corners, inside / (1.0 - 2.0 * inside));
-  Matrix8d distorted = Matrix8d::Zero();
-  std::array<Eigen::Vector2d, 4> corners;
-  for (std::size_t i = 0; i < 4; ++i) {
-    const auto pixel = lens.from_ideal(square[i]);
-    if (!pixel) return;
-    corners[i] = *pixel;
-    const auto at = static_cast<Eigen::Index>(2 * i);
-    distorted.block<2, 2>(at, at) = lens.from_ideal_jacobian(square[i]);
+  set_corners(square, sharp->covariance, detection);
+}
+
+void Detector::Impl::add_recovered(const detect::Recovered& recovered) {
+  const PlacedMarker& marker = placed[static_cast<std::size_t>(recovered.placed)];
+  Detection detection;
+  detection.parent = marker.id;
+  detection.layer = marker.layer;
+  detection.id = marker.id;
+  detection.placed = recovered.placed;
+  detection.bit_errors = recovered.wrong_cells;
+  detection.quality = recovered.quality;
+  detection.visible = recovered.evidence.share();
+  if (!set_corners(detect::corners_of(recovered.registration.image_H_unit),
+                   recovered.registration.corner_covariance, detection))
+    return;
+  Candidate candidate;
+  candidate.corners = detection.corners;
+  candidate.placed = recovered.placed;
+  char note[96];
+  std::snprintf(note, sizeof note, "partly covered: %d of %d edges seen", recovered.evidence.seen,
+                recovered.evidence.predicted);
+  candidate.note = note;
+  found.push_back({detection, Standing::sure, candidates.size()});
+  candidates.push_back(std::move(candidate));
+}
+
+/// Looks for layer-1 markers that were not found whole.
+void Detector::Impl::recover(const ImageView& image) {
+  std::vector<Quad> quads;
+  for (const Candidate& candidate : candidates) {
+    const bool legible = candidate.rejection == Rejection::none ||
+                         candidate.rejection == Rejection::shape ||
+                         candidate.rejection == Rejection::edges;
+    if (candidate.hole || legible) continue;
+    quads.push_back(candidate.corners);
   }
-  detection.corners = corners;
-  detection.corner_covariance = distorted * sharp->covariance * distorted.transpose();
+  detect::ContourLimits limits;
+  limits.min_points = static_cast<std::size_t>(3.0 * kLeastSegment);
+  limits.at_image_edge = true;
+  segments.clear();
+  follower.start(threshold, 0, limits);
+  while (const detect::Contour* contour = follower.next())
+    detect::append_segments(*contour, kLeastSegment, segments);
+  const double contrast = detect::contrast_above_noise(threshold.noise());
+  std::erase_if(segments, [&](const detect::Segment& segment) {
+    return !detect::parts_dark_from_bright(image, segment, contrast);
+  });
+  std::optional<Eigen::Matrix3d> calibration;
+  if (options.camera) calibration = options.camera->matrix();
+  for (const detect::SideQuad& quad :
+       detect::side_quads(segments, kLeastCoveredSide, kMostCoveredSquares, calibration))
+    quads.push_back(quad.corners);
+  std::vector<Quad> known;
+  for (const Quad& quad : quads) {
+    if (detect::mean_side(quad) < kLeastCoveredSide) continue;
+    if (std::any_of(known.begin(), known.end(), [&](const Quad& one) {
+          return detect::contains(one, detect::centre(quad));
+        }))
+      continue;
+    const auto recovered = recovery->at(image, lens, quad);
+    if (!recovered) continue;
+    add_recovered(*recovered);
+    known.push_back(candidates.back().corners);
+  }
 }
 
 void Detector::Impl::reject(const Found& what, Rejection why) {
@@ -471,6 +560,75 @@ std::vector<Detection> Detector::Impl::settle() {
   return detections;
 }
 
+/// Whether the marker is seen where it was predicted; fills in the rest of the detection.
+bool Detector::Impl::confirm(const ImageView& image, const detect::PredictedQuad& quad,
+                             Detection& detection) {
+  // Below, blur leaves nothing of the cells; and their places must be known to a part of a cell.
+  constexpr double kLeastCell = 1.4;
+  constexpr double kPlaceShare = 0.2;
+  constexpr double kLeastAgreement = 0.8;
+  const PlacedMarker& marker = placed[static_cast<std::size_t>(detection.placed)];
+  const int n = marker.code.cells;
+  const double cell_px = detect::shortest_side(quad.corners) / (n + 2);
+  if (!detect::convex(quad.corners) || cell_px < kLeastCell) return false;
+  if (quad.covariance.diagonal().maxCoeff() > std::pow(kPlaceShare * cell_px, 2)) return false;
+
+  Eigen::Matrix3d image_H_cells = detect::square_homography(quad.corners);
+  image_H_cells.leftCols<2>() /= n + 2;
+  const bool child = marker.layer > 1;
+  for (const double blur : {kSharp, kSoft}) {
+    const auto grid = detect::read_cells(image, lens, image_H_cells, n, cell_px, blur, child,
+                                         least_black[{child, n}]);
+    if (!grid || grid->contrast < detect::kMinContrast) continue;
+    detection.quality = std::max(
+        detection.quality,
+        detect::agreement(*grid, predicted[static_cast<std::size_t>(detection.placed)], 0));
+  }
+  if (detection.quality < std::max(kLeastAgreement, options.min_quality)) return false;
+  return set_corners(quad.corners, quad.covariance, detection);
+}
+
+/// From the largest marker of every sheet, the others that weren't found by themselves.
+void Detector::Impl::infer(const ImageView& image, std::vector<Detection>& detections) {
+  const detect::Relations relations(placed, lens);
+  std::vector<std::size_t> by_size(detections.size());
+  for (std::size_t i = 0; i < by_size.size(); ++i) by_size[i] = i;
+  std::stable_sort(by_size.begin(), by_size.end(), [&](std::size_t a, std::size_t b) {
+    return detect::area(detections[a].corners) > detect::area(detections[b].corners);
+  });
+  std::vector<bool> explained(detections.size(), false);
+  std::vector<Detection> inferred;
+  for (const std::size_t base : by_size) {
+    const Detection seen = detections[base];
+    if (explained[base] || seen.tentative) continue;
+    std::vector<bool> present(placed.size(), false);
+    for (const std::size_t other : by_size)
+      if (other == base || relations.agree(seen, detections[other])) {
+        explained[other] = true;
+        present[static_cast<std::size_t>(detections[other].placed)] = true;
+      }
+    const PlacedMarker& from = placed[static_cast<std::size_t>(seen.placed)];
+    const auto prediction = detect::Prediction::from(seen, from, lens);
+    if (!prediction) continue;
+    for (std::size_t i = 0; i < placed.size(); ++i) {
+      if (present[i] || placed[i].parent_index != from.parent_index) continue;
+      const auto quad = prediction->of(placed[i]);
+      if (!quad) continue;
+      Detection detection;
+      detection.parent = seen.parent;
+      detection.layer = placed[i].layer;
+      detection.id = placed[i].id;
+      detection.placed = static_cast<int>(i);
+      detection.inferred = true;
+      if (confirm(image, *quad, detection)) inferred.push_back(detection);
+    }
+  }
+  detections.insert(detections.end(), inferred.begin(), inferred.end());
+  std::stable_sort(
+      detections.begin(), detections.end(),
+      [](const Detection& a, const Detection& b) { return a.placed < b.placed; });
+}
+
 std::vector<Detection> Detector::Impl::detect(const ImageView& image, DetectionTrace* trace) {
   if (image.empty()) throw std::invalid_argument("detect: the image is empty");
   if (options.camera &&
@@ -484,8 +642,14 @@ std::vector<Detection> Detector::Impl::detect(const ImageView& image, DetectionT
   found.clear();
   find_shapes(image, trace);
   for (const Shape& shape : shapes.shapes()) examine(image, shape);
+  const bool whole_parent = std::any_of(found.begin(), found.end(), [](const Found& one) {
+    return one.detection.layer == 1 && one.standing == Standing::sure;
+  });
+  if (options.covered && !whole_parent) recover(image);
   std::vector<Detection> detections = settle();
-  for (Detection& detection : detections) sharpen(image, detection);
+  for (Detection& detection : detections)
+    if (detection.visible == 1.0) sharpen(image, detection);
+  if (options.infer) infer(image, detections);
   if (trace) trace->candidates = candidates;
   return detections;
 }

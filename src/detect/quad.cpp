@@ -138,6 +138,15 @@ bool convex(const Quad& quad) {
   return true;
 }
 
+bool contains(const Quad& quad, const Point& point) {
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Point side = quad[(i + 1) % 4] - quad[i];
+    const Point offset = point - quad[i];
+    if (side.x() * offset.y() - side.y() * offset.x() < 0.0) return false;
+  }
+  return true;
+}
+
 std::optional<Point> intersection(const Point& a, const Point& b, const Point& c, const Point& d) {
   const Point u = b - a;
   const Point v = d - c;

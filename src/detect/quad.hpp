@@ -16,6 +16,7 @@ double shortest_side(const Quad& quad);
 double mean_side(const Quad& quad);
 Point centre(const Quad& quad);
 bool convex(const Quad& quad);
+bool contains(const Quad& quad, const Point& point);
 
 /// Where the line through a, b meets the one through c, d; empty if they are parallel.
 std::optional<Point> intersection(const Point& a, const Point& b, const Point& c, const Point& d);

@@ -21,15 +21,6 @@ std::pair<const Detection&, const Detection&> larger_first(const Detection& a, c
   return {b, a};
 }
 
-bool contains(const Quad& quad, const Point& point) {
-  for (std::size_t i = 0; i < 4; ++i) {
-    const Point side = quad[(i + 1) % 4] - quad[i];
-    const Point offset = point - quad[i];
-    if (side.x() * offset.y() - side.y() * offset.x() < 0.0) return false;
-  }
-  return true;
-}
-
 }  // namespace
 
 std::optional<double> Relations::disagreement(const Detection& larger,

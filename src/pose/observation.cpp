@@ -83,7 +83,7 @@ std::vector<Observation> observe(const std::vector<Detection>& detections, const
   observations.reserve(detections.size());
   for (std::size_t i = 0; i < detections.size(); ++i) {
     check(detections[i], i, markers, placed);
-    if (detections[i].tentative) continue;
+    if (detections[i].tentative || detections[i].inferred) continue;
     const PlacedMarker& marker = placed[static_cast<std::size_t>(detections[i].placed)];
     std::optional<Observation> seen = observation(detections[i], marker, camera);
     if (!seen) continue;

@@ -1,0 +1,62 @@
+// Layer-1 markers of which something covers parts: found from the sides' remains, told apart by
+// the edges that are still to be seen.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "detect/lens.hpp"
+#include "detect/quad.hpp"
+#include "detect/registration.hpp"
+#include "harco/image.hpp"
+#include "harco/marker.hpp"
+
+namespace harco::detect {
+
+/// A partly covered layer-1 marker.
+struct Recovered {
+  int placed = 0;             ///< index into place(markers)
+  Registration registration;  ///< of the upright marker
+  Evidence evidence;
+  int wrong_cells = 0;   ///< inner cells that don't show their colour
+  double quality = 0.0;  ///< agreement of those cells that show black or white, 0 ... 1
+};
+
+class Recovery {
+ public:
+  Recovery(const MarkerSet& markers, const std::vector<PlacedMarker>& placed,
+           const std::vector<std::vector<double>>& predicted);
+
+  /// The marker whose border is near `quad` (ideal pixels, right to a few pixels, dark inside);
+  /// empty if none of the set is borne out by enough of its edges, or two are.
+  std::optional<Recovered> at(const ImageView& image, const Lens& lens, const Quad& quad);
+
+ private:
+  /// What is known of a parent beforehand, made when first needed.
+  struct Description {
+    std::vector<TemplateEdge> edges;
+    std::vector<float> picture;  ///< whiteness of the square, kAcross x kAcross, row-first
+  };
+  /// One of the markers of the set in one of its four turns.
+  struct Reading {
+    std::size_t parent;
+    int turns;
+    double score;  ///< the more of its cells show what the marker has there, the higher
+    int wrong;
+    double quality;
+  };
+  const Description& describe(std::size_t parent);
+  void rank(const ImageView& image, const Lens& lens, const Registration& registration, int cells);
+  double likeness(const ImageView& image, const Lens& lens, const Registration& registration,
+                  const Description& description, int cells);
+
+  const MarkerSet& markers_;
+  const std::vector<std::vector<double>>& predicted_;
+  std::vector<int> placed_of_;  // of each parent
+  std::vector<int> sizes_;      // the different n of parents
+  std::vector<Description> descriptions_;
+  std::vector<Reading> readings_;
+  std::vector<float> smooth_;  // a picture as blurred as the image, kAcross x kAcross
+};
+
+}  // namespace harco::detect

@@ -1,0 +1,440 @@
+#include "detect/registration.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+
+#include "detect/cells.hpp"
+#include "detect/sample.hpp"
+#include "detect/square_homography.hpp"
+
+namespace harco::detect {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kStep = 0.5;           // pixels between samples across an edge
+constexpr double kSpacing = 2.0;        // pixels between samples along it
+constexpr int kMostAlong = 48;          // samples along one edge
+constexpr double kLeastBand = 2.0;      // pixels; black and white narrower than that aren't compared
+constexpr double kLeastLength = 3.0;    // pixels, of an edge
+constexpr double kDeep = 2.0;           // pixels beside the edge where its levels are read
+constexpr double kPlace = 0.8;          // pixels that a seen edge may lie beside its place
+constexpr double kLevelSlack = 0.35;    // of the contrast, that its levels may be off
+constexpr double kLeastMatchedShare = 0.6;  // of an edge's samples
+constexpr std::size_t kFew = 12;        // samples that make no fit
+
+/// A place on an edge, as the image sees it.
+struct Probe {
+  Vector2d unit;
+  Vector2d place;     // ideal pixels
+  Vector2d to_white;  // unit normal, ideal pixels
+  double black = 0.0, white = 0.0;  // how far even black and white reach, pixels
+};
+
+/// A step found near a probe.
+struct Step {
+  double offset = 0.0;  // pixels from the probe towards white
+  double dark = 0.0, bright = 0.0;
+};
+
+/// Homography with its derivative at a point.
+class Map {
+ public:
+  explicit Map(const Matrix3d& H) : H_(H) {}
+  bool at(const Vector2d& unit, Vector2d& place, Eigen::Matrix2d& by_unit) const {
+    const Vector3d h = H_ * unit.homogeneous();
+    if (!(h.z() > 1e-9)) return false;
+    place = h.hnormalized();
+    for (Eigen::Index k = 0; k < 2; ++k)
+      by_unit.col(k) = (H_.block<2, 1>(0, k) - place * H_(2, k)) / h.z();
+    return true;
+  }
+
+ private:
+  Matrix3d H_;
+};
+
+/// The probes along an edge; empty if it is too small to be seen.
+void append_probes(const Map& map, const TemplateEdge& edge, std::vector<Probe>& probes) {
+  Vector2d place;
+  Eigen::Matrix2d by_unit;
+  const Vector2d middle = 0.5 * (edge.a + edge.b);
+  if (!map.at(middle, place, by_unit)) return;
+  const double length = (by_unit * (edge.b - edge.a)).norm();
+  if (length < kLeastLength) return;
+  const auto count = std::clamp(static_cast<int>(length / kSpacing), 2, kMostAlong);
+  for (int i = 0; i < count; ++i) {
+    Probe probe;
+    probe.unit = edge.a + (i + 0.5) / count * (edge.b - edge.a);
+    if (!map.at(probe.unit, probe.place, by_unit)) return;
+    const Vector2d along = (by_unit * (edge.b - edge.a)).normalized();
+    const Vector2d across = by_unit * edge.to_white;
+    probe.to_white = Vector2d(along.y(), -along.x());
+    double depth = probe.to_white.dot(across);
+    if (depth < 0.0) {
+      probe.to_white = -probe.to_white;
+      depth = -depth;
+    }
+    probe.black = edge.black * depth;
+    probe.white = edge.white * depth;
+    if (std::min(probe.black, probe.white) < kLeastBand) return;
+    probes.push_back(probe);
+  }
+}
+
+/// Grey values across a probe, from -(reach + below) to reach + above.
+class Profile {
+ public:
+  Profile(const ImageView& image, const Lens& lens, const Probe& probe, double reach)
+      : below_(std::min(kDeep, 0.55 * probe.black)),
+        above_(std::min(kDeep, 0.55 * probe.white)),
+        reach_(std::min(reach, std::max(kPlace, 0.5 * std::min(probe.black, probe.white)))) {
+    first_ = -static_cast<int>(std::ceil((reach_ + below_) / kStep));
+    const int last = static_cast<int>(std::ceil((reach_ + above_) / kStep));
+    count_ = std::min(last - first_ + 1, static_cast<int>(grey_.size()));
+    for (int k = 0; k < count_; ++k) {
+      const auto pixel = lens.from_ideal(probe.place + (first_ + k) * kStep * probe.to_white);
+      const auto value = pixel ? sample(image, pixel->x(), pixel->y()) : std::nullopt;
+      if (!value) return;
+      grey_[static_cast<std::size_t>(k)] = *value;
+    }
+    whole_ = true;
+  }
+
+  bool whole() const { return whole_; }
+
+  /// The strongest rise.
+  std::optional<Step> strongest() const {
+    Step best;
+    double most = kMinContrast;
+    for (double o = -reach_; o <= reach_; o += kStep) {
+      const double rise = at(o + above_) - at(o - below_);
+      if (rise > most) {
+        most = rise;
+        best = {o, at(o - below_), at(o + above_)};
+      }
+    }
+    if (most <= kMinContrast) return std::nullopt;
+    return crossing(best.offset - 1.0, best.offset + 1.0, 0.5 * (best.dark + best.bright));
+  }
+
+  /// The rise through `middle` that is nearest to the probe.
+  std::optional<Step> crossing(double from, double to, double middle) const {
+    std::optional<Step> nearest;
+    for (double o = std::max(-reach_, from); o < std::min(reach_, to); o += kStep) {
+      const double low = at(o);
+      const double high = at(o + kStep);
+      if (!(low < middle && high >= middle)) continue;
+      const double offset = o + kStep * (middle - low) / (high - low);
+      if (nearest && std::abs(nearest->offset) <= std::abs(offset)) continue;
+      nearest = Step{offset, at(offset - below_), at(offset + above_)};
+    }
+    return nearest;
+  }
+  std::optional<Step> crossing(double middle) const { return crossing(-reach_, reach_, middle); }
+
+ private:
+  double at(double offset) const {
+    const double k = std::clamp(offset / kStep - first_, 0.0, count_ - 1.0);
+    const int low = std::min(static_cast<int>(k), count_ - 2);
+    const double share = k - low;
+    const auto i = static_cast<std::size_t>(low);
+    return grey_[i] + share * (grey_[i + 1] - grey_[i]);
+  }
+
+  double below_, above_, reach_;
+  int first_ = 0;
+  int count_ = 0;
+  std::array<double, 48> grey_{};
+  bool whole_ = false;
+};
+
+/// A step that belongs to the marker's light.
+bool fits(const Step& step, const LightLevels& levels, const Vector2d& unit) {
+  const double black = levels.black_at(unit);
+  const double white = levels.white_at(unit);
+  const double slack = kLevelSlack * (white - black);
+  return std::abs(step.dark - black) < slack && std::abs(step.bright - white) < slack;
+}
+
+struct Match {
+  Probe probe;
+  Step step;
+};
+
+/// Levels that most matches agree on: medians, then planes through what is near them.
+std::optional<LightLevels> fit_levels(const std::vector<Match>& matches) {
+  if (matches.size() < kFew) return std::nullopt;
+  const auto fit = [&](auto value_of) {
+    std::vector<double> values;
+    values.reserve(matches.size());
+    for (const Match& match : matches) values.push_back(value_of(match));
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+  };
+  const double black = fit([](const Match& match) { return match.step.dark; });
+  const double white = fit([](const Match& match) { return match.step.bright; });
+  if (white - black < kMinContrast) return std::nullopt;
+  const auto plane = [&](double median, auto value_of) {
+    // A weak prior keeps what few places can't tell even.
+    Matrix3d normal = Vector3d(1e-6, 4.0, 4.0).asDiagonal();
+    Vector3d right = Vector3d::Zero();
+    for (const Match& match : matches) {
+      const double value = value_of(match) - median;
+      if (std::abs(value) > 0.4 * (white - black)) continue;
+      const Vector3d row(1.0, match.probe.unit.x(), match.probe.unit.y());
+      normal += row * row.transpose();
+      right += row * value;
+    }
+    const Vector3d coefficients = normal.ldlt().solve(right);
+    return Vector3d(coefficients + Vector3d(median, 0.0, 0.0));
+  };
+  return LightLevels{plane(black, [](const Match& match) { return match.step.dark; }),
+                     plane(white, [](const Match& match) { return match.step.bright; })};
+}
+
+/// One step of Gauss and Newton for the homography, with Tukey's weights that end at `cut` pixels.
+/// `variance` gets the weighted residuals', `normal` the equations' matrix.
+using Normal8 = Eigen::Matrix<double, 8, 8>;
+bool step_homography(const std::vector<Match>& matches, double cut, Matrix3d& image_H_unit,
+                     Normal8* normal_out = nullptr, double* variance_out = nullptr) {
+  // About the square's middle, where the parameters hardly disturb one another.
+  Matrix3d to_corner = Matrix3d::Identity();
+  to_corner.topRightCorner<2, 1>() = Vector2d::Constant(0.5);
+  const Matrix3d K = image_H_unit * to_corner;
+  Normal8 normal = Normal8::Zero();
+  Eigen::Matrix<double, 8, 1> right = Eigen::Matrix<double, 8, 1>::Zero();
+  double sum_w = 0.0;
+  double sum_rr = 0.0;
+  for (const Match& match : matches) {
+    const double x = match.step.offset / cut;
+    if (std::abs(x) >= 1.0) continue;
+    const double weight = (1.0 - x * x) * (1.0 - x * x);
+    const Vector3d q(match.probe.unit.x() - 0.5, match.probe.unit.y() - 0.5, 1.0);
+    const Vector3d h = K * q;
+    const Vector2d place = h.hnormalized();
+    const Eigen::Matrix<double, 1, 3> by_h =
+        match.probe.to_white.transpose() *
+        (K.topRows<2>() - place * K.row(2)) / h.z();
+    Eigen::Matrix<double, 9, 1> row;
+    for (Eigen::Index i = 0; i < 3; ++i) row.segment<3>(3 * i) = by_h(i) * q;
+    normal.selfadjointView<Eigen::Lower>().rankUpdate(row.head<8>(), weight);
+    right += weight * match.step.offset * row.head<8>();
+    sum_w += weight;
+    sum_rr += weight * match.step.offset * match.step.offset;
+  }
+  if (sum_w < kFew) return false;
+  normal = Normal8(normal.selfadjointView<Eigen::Lower>());
+  if (normal_out) *normal_out = normal;
+  if (variance_out) *variance_out = sum_rr / (sum_w - 8.0 > 1.0 ? sum_w - 8.0 : 1.0);
+  // What nothing is seen of stays as it is.
+  constexpr double kPrior = 10.0;
+  normal.diagonal().array() += kPrior;
+  const Eigen::LDLT<Normal8> factored(normal);
+  if (!(factored.vectorD().minCoeff() > 1e-9)) return false;
+  const Eigen::Matrix<double, 8, 1> move = factored.solve(right);
+  if (!move.allFinite()) return false;
+  Matrix3d update = Matrix3d::Identity();
+  for (Eigen::Index i = 0; i < 8; ++i) update(i / 3, i % 3) += move(i);
+  image_H_unit = K * update * to_corner.inverse();
+  return image_H_unit.allFinite();
+}
+
+/// Covariance of the four corners from the fit's normal equations.
+bool corner_covariance(const Matrix3d& image_H_unit, const Normal8& normal, double variance,
+                       Matrix8d& covariance) {
+  // What no fit of edges sees (see edges.cpp), standard deviation in pixels.
+  constexpr double kAllowance = 0.02;
+  const Eigen::LDLT<Normal8> factored(normal);
+  if (!(factored.vectorD().minCoeff() > 1e-9)) return false;
+  Matrix3d to_corner = Matrix3d::Identity();
+  to_corner.topRightCorner<2, 1>() = Vector2d::Constant(0.5);
+  const Matrix3d K = image_H_unit * to_corner;
+  const std::array<Vector3d, 4> corners{
+      {{-0.5, -0.5, 1.0}, {0.5, -0.5, 1.0}, {0.5, 0.5, 1.0}, {-0.5, 0.5, 1.0}}};
+  Normal8 by_parameters;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const Vector3d h = K * corners[k];
+    const Vector2d place = h.hnormalized();
+    const Eigen::Matrix<double, 2, 3> by_h = (K.topRows<2>() - place * K.row(2)) / h.z();
+    Eigen::Matrix<double, 2, 9> jacobian;
+    for (Eigen::Index i = 0; i < 3; ++i)
+      jacobian.middleCols<3>(3 * i) = by_h.col(i) * corners[k].transpose();
+    by_parameters.middleRows<2>(static_cast<Eigen::Index>(2 * k)) = jacobian.leftCols<8>();
+  }
+  const Normal8 parameters = std::max(variance, 1e-4) * factored.solve(Normal8::Identity());
+  covariance = by_parameters * parameters * by_parameters.transpose();
+  covariance.diagonal().array() += kAllowance * kAllowance;
+  return covariance.allFinite();
+}
+
+bool sound(const Matrix3d& image_H_unit, const Quad& start, double most_move) {
+  const Map map(image_H_unit);
+  const std::array<Vector2d, 4> corners{{{0, 0}, {1, 0}, {1, 1}, {0, 1}}};
+  Quad quad;
+  Eigen::Matrix2d by_unit;
+  for (std::size_t i = 0; i < 4; ++i) {
+    if (!map.at(corners[i], quad[i], by_unit)) return false;
+    if ((quad[i] - start[i]).norm() > most_move) return false;
+  }
+  return convex(quad);
+}
+
+/// The steps near all probes of some edges, of whatever level or of a given one.
+std::vector<Match> find_steps(const ImageView& image, const Lens& lens, const Matrix3d& H,
+                              const std::vector<TemplateEdge>& edges, double reach,
+                              const LightLevels* levels) {
+  const Map map(H);
+  std::vector<Probe> probes;
+  std::vector<Match> matches;
+  for (const TemplateEdge& edge : edges) append_probes(map, edge, probes);
+  for (const Probe& probe : probes) {
+    const Profile profile(image, lens, probe, reach);
+    if (!profile.whole()) continue;
+    const auto step =
+        levels ? profile.crossing(0.5 * (levels->black_at(probe.unit) +
+                                         levels->white_at(probe.unit)))
+               : profile.strongest();
+    if (step && (!levels || fits(*step, *levels, probe.unit))) matches.push_back({probe, *step});
+  }
+  return matches;
+}
+
+/// The sides of the unit square as edges that keep within the border ring and the quiet zone.
+std::vector<TemplateEdge> outline(int cells) {
+  std::vector<TemplateEdge> sides;
+  const std::array<Vector2d, 4> corners{{{0, 0}, {1, 0}, {1, 1}, {0, 1}}};
+  for (std::size_t i = 0; i < 4; ++i) {
+    TemplateEdge side;
+    side.a = corners[i] + 0.01 * (corners[(i + 1) % 4] - corners[i]);
+    side.b = corners[(i + 1) % 4] + 0.01 * (corners[i] - corners[(i + 1) % 4]);
+    side.to_white = corners[i] - corners[(i + 3) % 4];
+    side.black = side.white = 1.0 / cells;
+    side.border = true;
+    sides.push_back(side);
+  }
+  return sides;
+}
+
+}  // namespace
+
+Quad corners_of(const Matrix3d& image_H_unit) {
+  const auto seen = [&](double x, double y) {
+    return Point((image_H_unit * Vector3d(x, y, 1.0)).hnormalized());
+  };
+  return {seen(0, 0), seen(1, 0), seen(1, 1), seen(0, 1)};
+}
+
+std::optional<Registration> fit_border(const ImageView& image, const Lens& lens, const Quad& quad,
+                                       int cells) {
+  const std::vector<TemplateEdge> sides = outline(cells);
+  const double side = mean_side(quad);
+  const double first_reach = std::clamp(0.025 * side, 2.0, 8.0);
+  Registration registration;
+  registration.image_H_unit = square_homography(quad);
+  std::optional<LightLevels> levels;
+  Normal8 normal;
+  double variance = 0.0;
+  constexpr int kRounds = 5;
+  for (int round = 0; round < kRounds; ++round) {
+    const double reach = std::max(1.0, first_reach * std::pow(0.5, round));
+    const std::vector<Match> matches = find_steps(image, lens, registration.image_H_unit, sides,
+                                                  reach, levels ? &*levels : nullptr);
+    levels = fit_levels(matches);
+    if (!levels) return std::nullopt;
+    if (!step_homography(matches, std::max(1.0, reach), registration.image_H_unit, &normal,
+                         &variance) ||
+        !sound(registration.image_H_unit, quad, 2.0 + 0.12 * side))
+      return std::nullopt;
+  }
+  registration.levels = *levels;
+  if (!corner_covariance(registration.image_H_unit, normal, variance,
+                          registration.corner_covariance))
+    return std::nullopt;
+  return registration;
+}
+
+bool refine(const ImageView& image, const Lens& lens, const std::vector<TemplateEdge>& edges,
+            Registration& registration) {
+  Registration refined = registration;
+  const Quad start = corners_of(registration.image_H_unit);
+  Normal8 normal;
+  double variance = 0.0;
+  for (const double reach : {2.0, 1.2, 0.8}) {
+    const std::vector<Match> matches =
+        find_steps(image, lens, refined.image_H_unit, edges, reach, &refined.levels);
+    const auto levels = fit_levels(matches);
+    if (!levels) return false;
+    refined.levels = *levels;
+    if (!step_homography(matches, reach, refined.image_H_unit, &normal, &variance) ||
+        !sound(refined.image_H_unit, start, 2.0 + 0.05 * mean_side(start)))
+      return false;
+  }
+  if (!corner_covariance(refined.image_H_unit, normal, variance, refined.corner_covariance))
+    return false;
+  registration = refined;
+  return true;
+}
+
+Evidence gather(const ImageView& image, const Lens& lens, const std::vector<TemplateEdge>& edges,
+                const Registration& registration) {
+  const Map map(registration.image_H_unit);
+  Evidence evidence;
+  std::vector<Probe> probes;
+  for (const TemplateEdge& edge : edges) {
+    if (edge.border) continue;
+    probes.clear();
+    append_probes(map, edge, probes);
+    int in_view = 0;
+    int matched = 0;
+    for (const Probe& probe : probes) {
+      const Profile profile(image, lens, probe, kPlace);
+      if (!profile.whole()) continue;
+      ++in_view;
+      const double middle = 0.5 * (registration.levels.black_at(probe.unit) +
+                                   registration.levels.white_at(probe.unit));
+      const auto step = profile.crossing(middle);
+      matched += step && std::abs(step->offset) <= kPlace &&
+                 fits(*step, registration.levels, probe.unit);
+    }
+    if (in_view < 2 || 2 * in_view < static_cast<int>(probes.size())) continue;
+    ++evidence.predicted;
+    evidence.seen += matched >= kLeastMatchedShare * in_view;
+  }
+  return evidence;
+}
+
+Registration turned(const Registration& registration, int turns) {
+  // Unit squares of the upright marker to the seen one: corner 0 goes to corner `turns`.
+  static const std::array<Vector2d, 4> corners{{{0, 0}, {1, 0}, {1, 1}, {0, 1}}};
+  const auto at = [&](int i) { return corners[static_cast<std::size_t>((i + turns) % 4)]; };
+  Matrix3d seen_T_upright = Matrix3d::Identity();
+  seen_T_upright.block<2, 1>(0, 0) = at(1) - at(0);
+  seen_T_upright.block<2, 1>(0, 1) = at(3) - at(0);
+  seen_T_upright.block<2, 1>(0, 2) = at(0);
+  Registration result = registration;
+  result.image_H_unit = registration.image_H_unit * seen_T_upright;
+  const auto turn = [&](const Vector3d& plane) {
+    // plane . (1, seen) as a function of upright.
+    const Vector2d slope = seen_T_upright.topLeftCorner<2, 2>().transpose() * plane.tail<2>();
+    const double offset = plane(0) + plane.tail<2>().dot(seen_T_upright.block<2, 1>(0, 2));
+    return Vector3d(offset, slope.x(), slope.y());
+  };
+  result.levels.black = turn(registration.levels.black);
+  result.levels.white = turn(registration.levels.white);
+  for (int i = 0; i < 4; ++i)
+    for (int k = 0; k < 4; ++k)
+      result.corner_covariance.block<2, 2>(2 * i, 2 * k) =
+          registration.corner_covariance.block<2, 2>(2 * ((i + turns) % 4), 2 * ((k + turns) % 4));
+  return result;
+}
+
+}  // namespace harco::detect
