@@ -88,7 +88,7 @@ int main(int argc, char** argv) {
                 rms_error(detection, placed[static_cast<std::size_t>(detection.placed)], camera,
                           scene.parents[0].camera_T_marker);
             if (error > 3.0) ++count.wrong;
-            if (detection.placed == static_cast<int>(pick) && error < 3.0) {
+            if (detection.placed == static_cast<int>(pick) && !detection.inferred && error < 3.0) {
               ++count.found;
               count.errors.push_back(error);
             }

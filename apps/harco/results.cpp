@@ -33,12 +33,15 @@ bool is_known(const std::optional<Matrix6d>& covariance) {
 Json marker_json(const Detection& detection) {
   Json corners = Json::array();
   for (const Eigen::Vector2d& corner : detection.corners) corners.push_back(vector_json(corner));
-  return {{"parent", detection.parent},
-          {"layer", detection.layer},
-          {"id", detection.id},
-          {"corners", corners},
-          {"bit_errors", detection.bit_errors},
-          {"quality", number(detection.quality)}};
+  Json json{{"parent", detection.parent},
+            {"layer", detection.layer},
+            {"id", detection.id},
+            {"corners", corners},
+            {"bit_errors", detection.bit_errors},
+            {"quality", number(detection.quality)}};
+  if (detection.inferred) json["inferred"] = true;
+  if (detection.visible < 1.0) json["visible"] = number(detection.visible);
+  return json;
 }
 
 Json pose_json(const Pose& pose) {

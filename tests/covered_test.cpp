@@ -1,0 +1,320 @@
+// Markers of which only parts are seen, and markers that only a larger one leads to.
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <stdexcept>
+
+#include <Eigen/Geometry>
+#include <gtest/gtest.h>
+
+#include "detect/edge_template.hpp"
+#include "detect/prediction.hpp"
+#include "detect/registration.hpp"
+#include "detect/segments.hpp"
+#include "detect/side_quads.hpp"
+#include "harco/detect.hpp"
+#include "harco/dictionary.hpp"
+#include "harco/pose.hpp"
+#include "lab/blobs.hpp"
+#include "lab/render.hpp"
+#include "sample_markers.hpp"
+
+namespace harco {
+namespace {
+
+using detect::Point;
+using detect::Segment;
+using Eigen::Vector2d;
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+
+/// One point a pixel from a to b, without b.
+void walk(const Point& a, const Point& b, std::vector<Point>& points) {
+  const int steps = static_cast<int>((b - a).norm());
+  for (int i = 0; i < steps; ++i) points.push_back(a + (b - a) * i / steps);
+}
+
+TEST(Segments, AreTheStraightPartsOfAnOutline) {
+  detect::Contour contour;
+  walk({10, 10}, {50, 10}, contour.points);
+  walk({50, 10}, {50, 40}, contour.points);
+  // Back along an arc.
+  for (int i = 0; i < 60; ++i) {
+    const double angle = std::numbers::pi * i / 60.0;
+    contour.points.emplace_back(30 + 20 * std::cos(angle), 40 + 20 * std::sin(angle));
+  }
+  walk({10, 40}, {10, 10}, contour.points);
+  std::vector<Segment> segments;
+  detect::append_segments(contour, 20.0, segments);
+  ASSERT_EQ(segments.size(), 3U);
+  const auto along = [&](const Vector2d& way) {
+    return std::count_if(segments.begin(), segments.end(), [&](const Segment& segment) {
+      return segment.direction().dot(way) > 0.999;
+    });
+  };
+  EXPECT_EQ(along({1, 0}), 1);
+  EXPECT_EQ(along({0, 1}), 1);
+  EXPECT_EQ(along({0, -1}), 1);
+}
+
+TEST(Segments, NeedDarkOnTheirRight) {
+  Image image(40, 40, 200);
+  for (int y = 20; y < 40; ++y)
+    for (int x = 0; x < 40; ++x) image.row(y)[x] = 50;
+  EXPECT_TRUE(detect::parts_dark_from_bright(image.view(), {{5, 19.5}, {30, 19.5}}, 100.0));
+  EXPECT_FALSE(detect::parts_dark_from_bright(image.view(), {{30, 19.5}, {5, 19.5}}, 100.0));
+  EXPECT_FALSE(detect::parts_dark_from_bright(image.view(), {{5, 10}, {30, 10}}, 20.0));
+}
+
+/// Parts of the four sides of a quad, clockwise.
+std::vector<Segment> parts(const detect::Quad& quad, const std::vector<std::array<double, 3>>& of) {
+  std::vector<Segment> segments;
+  for (const auto& [side, from, to] : of) {
+    const auto i = static_cast<std::size_t>(side);
+    const Point way = quad[(i + 1) % 4] - quad[i];
+    segments.push_back({quad[i] + from * way, quad[i] + to * way});
+  }
+  return segments;
+}
+
+double worst_corner(const detect::Quad& a, const detect::Quad& b) {
+  double best = 1e9;
+  for (std::size_t turn = 0; turn < 4; ++turn) {
+    double worst = 0.0;
+    for (std::size_t i = 0; i < 4; ++i)
+      worst = std::max(worst, (a[i] - b[(i + turn) % 4]).norm());
+    best = std::min(best, worst);
+  }
+  return best;
+}
+
+TEST(SideQuads, PartsOfFourSidesMakeASquare) {
+  const detect::Quad quad{{{100, 100}, {300, 120}, {280, 310}, {90, 290}}};
+  const auto quads = detect::side_quads(
+      parts(quad, {{0, 0.1, 0.3}, {0, 0.6, 0.7}, {1, 0.2, 0.5}, {2, 0.5, 0.9}, {3, 0.3, 0.6}}),
+      40.0, 10, std::nullopt);
+  ASSERT_FALSE(quads.empty());
+  EXPECT_LT(worst_corner(quads.front().corners, quad), 1e-6);
+  EXPECT_NEAR(quads.front().seen, 0.33, 0.02);
+}
+
+TEST(SideQuads, TheCameraCompletesASquareOfThreeSides) {
+  const Camera camera = Camera::pinhole(750, 480, 700.0);
+  const Eigen::Isometry3d pose = lab::look_at_marker({0.5, 0.5}, 2.5, 35 * kDegree, 0.6, 1.1);
+  detect::Quad quad;
+  const std::array<Vector2d, 4> square{{{0, 0}, {1, 0}, {1, 1}, {0, 1}}};
+  for (std::size_t i = 0; i < 4; ++i)
+    quad[i] = *camera.project(pose * Eigen::Vector3d(square[i].x(), square[i].y(), 0.0));
+  const auto seen = parts(quad, {{3, 0.2, 0.9}, {0, 0.1, 0.8}, {1, 0.1, 0.6}});
+  EXPECT_TRUE(detect::side_quads(seen, 40.0, 10, std::nullopt).empty());
+  const auto quads = detect::side_quads(seen, 40.0, 10, camera.matrix());
+  ASSERT_FALSE(quads.empty());
+  EXPECT_LT(worst_corner(quads.front().corners, quad), 1e-6);
+}
+
+MarkerSet layers(int count) {
+  DictionaryOptions options;
+  options.child_cells.assign(static_cast<std::size_t>(count - 1), quincunx(5));
+  options.effort = 0.05;
+  return build_markers(generate_dictionary(options), 1.0);
+}
+
+TEST(EdgeTemplate, HoldsEveryEdgeOfASingleMarkerOnce) {
+  MarkerSet set = layers(1);
+  const Code& code = set.parents[0].marker.code;
+  int expected = 0;  // pairs of neighbouring cells of different colours, the black ring included
+  const auto white = [&](int row, int column) {
+    return row >= 0 && column >= 0 && row < 5 && column < 5 && code.white(row * 5 + column);
+  };
+  for (int row = -1; row < 5; ++row)
+    for (int column = -1; column < 5; ++column) {
+      expected += white(row, column) != white(row, column + 1);
+      expected += white(row, column) != white(row + 1, column);
+    }
+  const auto edges = detect::edge_template(InkMap(set, 0), set, 0);
+  const auto border = std::count_if(edges.begin(), edges.end(),
+                                    [](const detect::TemplateEdge& e) { return e.border; });
+  EXPECT_EQ(border, 4 * 7);
+  EXPECT_EQ(static_cast<int>(edges.size()) - border, expected);
+  for (const detect::TemplateEdge& edge : edges) {
+    EXPECT_NEAR(edge.length(), 1.0 / 7.0, 1e-12);
+    EXPECT_NEAR(edge.black, 1.0 / 7.0, 1e-9);  // a cell's width, or farther: as far as is looked
+    EXPECT_NEAR(edge.white, 1.0 / 7.0, 1e-9);
+  }
+}
+
+TEST(Registration, TurnsWithItsLight) {
+  detect::Registration registration;
+  registration.image_H_unit << 100, 3, 40, 2, 90, 30, 0.01, 0.02, 1.0;
+  registration.levels.black = {20, 3, 5};
+  registration.levels.white = {200, -30, 10};
+  for (int turns = 0; turns < 4; ++turns) {
+    const detect::Registration turned = detect::turned(registration, turns);
+    const auto before = detect::corners_of(registration.image_H_unit);
+    const auto after = detect::corners_of(turned.image_H_unit);
+    for (std::size_t i = 0; i < 4; ++i)
+      EXPECT_LT((after[i] - before[(i + static_cast<std::size_t>(turns)) % 4]).norm(), 1e-9);
+    // The upright corner (0, 0) is corner `turns` of the one before.
+    const std::array<Vector2d, 4> unit{{{0, 0}, {1, 0}, {1, 1}, {0, 1}}};
+    const Vector2d corner = unit[static_cast<std::size_t>(turns)];
+    EXPECT_NEAR(turned.levels.black_at({0, 0}), registration.levels.black_at(corner), 1e-9);
+    EXPECT_NEAR(turned.levels.white_at({0, 0}), registration.levels.white_at(corner), 1e-9);
+  }
+}
+
+TEST(Prediction, CarriesCornersAndTheirErrorsOverTheSheet) {
+  const MarkerSet set = layers(2);
+  const auto placed = place(set);
+  const Camera camera = Camera::pinhole(750, 480, 700.0);
+  const Eigen::Isometry3d pose = lab::look_at_marker({0.5, 0.5}, 2.0, 30 * kDegree, 0.4, 0.2);
+  const auto corners_of = [&](const PlacedMarker& marker) {
+    std::array<Vector2d, 4> pixels;
+    for (std::size_t i = 0; i < 4; ++i) {
+      const Vector2d corner = marker.corners_m()[i];
+      pixels[i] = *camera.project(pose * Eigen::Vector3d(corner.x(), corner.y(), 0.0));
+    }
+    return pixels;
+  };
+  Detection seen;
+  seen.placed = 1;
+  seen.corners = corners_of(placed[1]);
+  seen.corner_covariance = Matrix8d::Identity() * 0.01;
+  const auto prediction = detect::Prediction::from(seen, placed[1], detect::Lens());
+  ASSERT_TRUE(prediction);
+  const auto itself = prediction->of(placed[1]);
+  ASSERT_TRUE(itself);
+  EXPECT_LT((itself->covariance - seen.corner_covariance).norm(), 1e-4);
+  const auto parent = prediction->of(placed[0]);
+  ASSERT_TRUE(parent);
+  for (std::size_t i = 0; i < 4; ++i)
+    EXPECT_LT((parent->corners[i] - corners_of(placed[0])[i]).norm(), 1e-6);
+  // The first child lies at its parent's first corner: the farther, the less is known.
+  EXPECT_GT(parent->covariance(4, 4), 10.0 * parent->covariance(0, 0));
+  EXPECT_GT(parent->covariance(0, 0), 0.01);
+}
+
+/// Poses of a marker of 250 pixels while blobs of all greys cover `share` of it.
+struct Survivors {
+  int right = 0;
+  int wrong = 0;
+  int frames = 0;
+};
+Survivors cover_and_look(double share, int most_blobs, int frames) {
+  const MarkerSet set = layers(3);
+  const Camera camera = Camera::pinhole(750, 480, 700.0);
+  Detector detector(set, camera);
+  PoseOptions options;
+  options.align = false;
+  Survivors result;
+  for (; result.frames < frames; ++result.frames) {
+    std::mt19937_64 random(static_cast<std::uint64_t>(result.frames) + 77U);
+    std::uniform_real_distribution<double> unit(0.0, 1.0);
+    lab::Scene scene;
+    scene.camera = camera;
+    scene.grey = 60.0 + 120.0 * unit(random);
+    scene.parents.push_back(
+        {0, lab::look_at_marker({0.5, 0.5}, 2.8, 40 * kDegree * unit(random),
+                                2 * std::numbers::pi * unit(random),
+                                2 * std::numbers::pi * unit(random))});
+    const Eigen::Isometry3d& truth = scene.parents[0].camera_T_marker;
+    lab::FloatImage exact = lab::render_exact(scene, set);
+    lab::draw_blobs(exact, lab::cover(1.0, share, most_blobs, random), camera, truth, 0.6);
+    const Image image = lab::expose(exact, 2.0, random());
+    bool right = false;
+    for (const Pose& pose :
+         estimate_poses(image.view(), detector.detect(image.view()), set, camera, options)) {
+      double worst = 0.0;
+      for (const Vector2d& corner :
+           {Vector2d(0, 0), Vector2d(1, 0), Vector2d(1, 1), Vector2d(0, 1)}) {
+        const Eigen::Vector3d point(corner.x(), corner.y(), 0.0);
+        worst = std::max(worst, (*camera.project(pose.camera_T_marker * point) -
+                                 *camera.project(truth * point))
+                                    .norm());
+      }
+      right |= worst < 3.0;
+      result.wrong += worst >= 3.0;
+    }
+    result.right += right;
+  }
+  return result;
+}
+
+TEST(Covered, HalfOfTheMarkerWillDo) {
+  const Survivors many = cover_and_look(0.5, 1000, 12);
+  EXPECT_GE(many.right, 11);
+  EXPECT_EQ(many.wrong, 0);
+  const Survivors one = cover_and_look(0.5, 1, 8);
+  EXPECT_GE(one.right, 7);
+  EXPECT_EQ(one.wrong, 0);
+}
+
+TEST(Covered, ThreeTenthsOfTheMarkerOftenDo) {
+  const Survivors many = cover_and_look(0.7, 1000, 12);
+  EXPECT_GE(many.right, 6);
+  EXPECT_EQ(many.wrong, 0);
+}
+
+lab::Scene far_away(double side_px) {
+  lab::Scene scene;
+  scene.camera = Camera::pinhole(750, 480, 700.0);
+  scene.parents.push_back(
+      {0, lab::look_at_marker({0.5, 0.5}, 700.0 / side_px, 20 * kDegree, 0.3, 0.4)});
+  return scene;
+}
+
+TEST(Inferred, SmallChildrenAreConfirmedWhereTheParentSaysTheyAre) {
+  const MarkerSet set = layers(2);
+  const lab::Scene scene = far_away(78.0);  // children of 11 pixels
+  const Image image = lab::render(scene, set, 1);
+  DetectorOptions options;
+  options.infer = false;
+  const std::size_t measured = Detector(set, options).detect(image.view()).size();
+  EXPECT_LT(measured, 6U);
+  const auto detections = Detector(set).detect(image.view());
+  EXPECT_EQ(detections.size(), 6U);
+  const auto placed = place(set);
+  for (const Detection& detection : detections)
+    for (std::size_t i = 0; i < 4; ++i) {
+      const Vector2d corner = placed[static_cast<std::size_t>(detection.placed)].corners_m()[i];
+      const Eigen::Vector3d point(corner.x(), corner.y(), 0.0);
+      EXPECT_LT((detection.corners[i] -
+                 *scene.camera.project(scene.parents[0].camera_T_marker * point))
+                    .norm(),
+                detection.inferred ? 0.2 : 1.0);
+    }
+  // They are no evidence of their own.
+  for (const Pose& pose : estimate_poses({}, detections, set, scene.camera)) {
+    EXPECT_EQ(pose.markers, static_cast<int>(measured));
+    for (const int index : pose.detections)
+      EXPECT_FALSE(detections[static_cast<std::size_t>(index)].inferred);
+  }
+}
+
+TEST(Inferred, WhatIsCoveredIsRefuted) {
+  const MarkerSet set = layers(2);
+  const lab::Scene scene = far_away(78.0);
+  lab::FloatImage exact = lab::render_exact(scene, set);
+  const PlacedMarker middle = place(set)[3];
+  const Vector2d centre = middle.origin_m + Vector2d::Constant(0.5 * middle.side_m);
+  lab::draw_blobs(exact, {{centre, 0.5 * middle.side_m, 130.0}}, scene.camera,
+                  scene.parents[0].camera_T_marker, 0.6);
+  const Image image = lab::expose(exact, 2.0, 5);
+  for (const Detection& detection : Detector(set).detect(image.view()))
+    EXPECT_NE(detection.placed, 3);
+}
+
+TEST(Blobs, CoverWhatTheyPromise) {
+  std::mt19937_64 random(3);
+  const auto one = lab::cover(2.0, 0.5, 1, random);
+  ASSERT_EQ(one.size(), 1U);
+  EXPECT_NEAR(std::numbers::pi * one[0].radius * one[0].radius, 2.0, 1e-9);
+  EXPECT_GE(one[0].centre.minCoeff(), one[0].radius - 1e-12);
+  EXPECT_LE(one[0].centre.maxCoeff(), 2.0 - one[0].radius + 1e-12);
+  EXPECT_GT(lab::cover(2.0, 0.7, 1000, random).size(), 5U);
+  EXPECT_TRUE(lab::cover(2.0, 0.0, 1000, random).empty());
+  EXPECT_THROW(lab::cover(2.0, 1.0, 10, random), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace harco
