@@ -66,7 +66,7 @@ struct DetectorOptions {
   int tentative_bit_errors = 0;
 
   /// Whether layer-1 markers of which parts are covered or out of view are looked for as well, from
-  /// a side of some 40 pixels on, in frames without a whole one.
+  /// a side of 80 pixels on, in frames without a whole one.
   bool covered = true;
 
   /// Whether markers too small for their outline to be found are looked for where a larger one

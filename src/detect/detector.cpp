@@ -46,7 +46,7 @@ constexpr double kWrongRingShare = 0.1;
 // Of partly covered markers: the shortest straight part of an outline that tells something, the
 // smallest side in pixels, and how many squares are tried in a frame.
 constexpr double kLeastSegment = 8.0;
-constexpr double kLeastCoveredSide = 40.0;
+constexpr double kLeastCoveredSide = 80.0;
 constexpr std::size_t kMostCoveredSquares = 40;
 
 void check(const DetectorOptions& options) {
@@ -212,7 +212,7 @@ struct Detector::Impl {
   double required_quality(int errors) const;
   Rejection identify(const ImageView& image, Candidate& candidate, const Codebook& book,
                      const detect::FittedQuad& fitted, double blur_px);
-  void recover(const ImageView& image);
+  void recover(const ImageView& image, DetectionTrace* trace);
   void add_recovered(const detect::Recovered& recovered);
   std::vector<Detection> settle();
   void infer(const ImageView& image, std::vector<Detection>& detections);
@@ -475,7 +475,7 @@ void Detector::Impl::add_recovered(const detect::Recovered& recovered) {
 }
 
 /// Looks for layer-1 markers that were not found whole.
-void Detector::Impl::recover(const ImageView& image) {
+void Detector::Impl::recover(const ImageView& image, DetectionTrace* trace) {
   std::vector<Quad> quads;
   for (const Candidate& candidate : candidates) {
     const bool legible = candidate.rejection == Rejection::none ||
@@ -489,26 +489,29 @@ void Detector::Impl::recover(const ImageView& image) {
   limits.at_image_edge = true;
   segments.clear();
   follower.start(threshold, 0, limits);
-  while (const detect::Contour* contour = follower.next())
+  while (const detect::Contour* contour = follower.next()) {
+    if (trace) trace->contours.push_back(contour->points);
     detect::append_segments(*contour, kLeastSegment, segments);
+  }
   const double contrast = detect::contrast_above_noise(threshold.noise());
   std::erase_if(segments, [&](const detect::Segment& segment) {
     return !detect::parts_dark_from_bright(image, segment, contrast);
   });
   std::optional<Eigen::Matrix3d> calibration;
   if (options.camera) calibration = options.camera->matrix();
+  const double least_side = std::max(kLeastCoveredSide, options.min_side_px);
   for (const detect::SideQuad& quad :
-       detect::side_quads(segments, kLeastCoveredSide, kMostCoveredSquares, calibration))
+       detect::side_quads(segments, least_side, kMostCoveredSquares, calibration))
     quads.push_back(quad.corners);
   std::vector<Quad> known;
   for (const Quad& quad : quads) {
-    if (detect::mean_side(quad) < kLeastCoveredSide) continue;
+    if (detect::mean_side(quad) < least_side) continue;
     if (std::any_of(known.begin(), known.end(), [&](const Quad& one) {
           return detect::contains(one, detect::centre(quad));
         }))
       continue;
     const auto recovered = recovery->at(image, lens, quad);
-    if (!recovered) continue;
+    if (!recovered || recovered->quality < options.min_quality) continue;
     add_recovered(*recovered);
     known.push_back(candidates.back().corners);
   }
@@ -645,7 +648,7 @@ std::vector<Detection> Detector::Impl::detect(const ImageView& image, DetectionT
   const bool whole_parent = std::any_of(found.begin(), found.end(), [](const Found& one) {
     return one.detection.layer == 1 && one.standing == Standing::sure;
   });
-  if (options.covered && !whole_parent) recover(image);
+  if (options.covered && !whole_parent) recover(image, trace);
   std::vector<Detection> detections = settle();
   for (Detection& detection : detections)
     if (detection.visible == 1.0) sharpen(image, detection);

@@ -26,6 +26,11 @@ constexpr double kLeastSum = 28.0;  // of the lead and twice the edges seen
 // The marker's picture is compared with the image at kAcross x kAcross points, in blocks.
 constexpr int kAcross = 56;
 constexpr int kBlock = 4;
+// For every cell that shows the other colour, so many must show their own.
+constexpr double kLeastShown = 2.0;
+// ... unless such a share of its edges is seen. Parts of a pattern that look like the whole reach a
+// fifth.
+constexpr double kTellingShare = 0.28;
 // Readings of one square that are held against the image.
 constexpr std::size_t kReadings = 4;
 // A cell shows its colour if it is off by less than this share of the contrast.
@@ -65,7 +70,7 @@ void smooth(std::vector<float>& picture, double sigma) {
 
 Recovery::Recovery(const MarkerSet& markers, const std::vector<PlacedMarker>& placed,
                    const std::vector<std::vector<double>>& predicted)
-    : markers_(markers), predicted_(predicted), descriptions_(markers.parents.size()) {
+    : markers_(markers), placed_(placed), predicted_(predicted), descriptions_(markers.parents.size()) {
   placed_of_.resize(markers.parents.size());
   for (std::size_t i = 0; i < placed.size(); ++i)
     if (placed[i].layer == 1)
@@ -114,7 +119,7 @@ void Recovery::rank(const ImageView& image, const Lens& lens, const Registration
     if (markers_.parents[p].marker.code.cells != cells) continue;
     const std::vector<double>& predicted = predicted_[static_cast<std::size_t>(placed_of_[p])];
     for (int turns = 0; turns < 4; ++turns) {
-      Reading reading{p, turns, 0.0, 0, 0.0};
+      Reading reading{p, turns, 0.0, 0, 0, 0.0};
       int shown = 0;
       double sum = 0.0;
       for (int row = 1; row <= cells; ++row)
@@ -127,8 +132,12 @@ void Recovery::rank(const ImageView& image, const Lens& lens, const Registration
             c = r;
             r = upright_r;
           }
-          const double away = std::abs(values[static_cast<std::size_t>(row * m + column)] -
-                                       predicted[static_cast<std::size_t>(r * m + c)]);
+          const double value = values[static_cast<std::size_t>(row * m + column)];
+          const double expected = predicted[static_cast<std::size_t>(r * m + c)];
+          const double away = std::abs(value - expected);
+          const bool opposed = expected > 0.5 ? std::abs(value) < kShows  // black for white
+                                              : std::abs(value - 1.0) < kShows;
+          reading.opposed += opposed;
           reading.score += std::max(-0.5, 1.0 - away / kShows);
           if (away < kShows) {
             ++shown;
@@ -210,6 +219,7 @@ std::optional<Recovered> Recovery::at(const ImageView& image, const Lens& lens, 
       recovered.registration = turned(*border, reading.turns);
       recovered.wrong_cells = reading.wrong;
       recovered.quality = reading.quality;
+      recovered.opposed_cells = reading.opposed;
       if (!refine(image, lens, description.edges, recovered.registration)) continue;
       recovered.evidence = gather(image, lens, description.edges, recovered.registration);
       const double like = likeness(image, lens, recovered.registration, description, cells + 2);
@@ -224,6 +234,12 @@ std::optional<Recovered> Recovery::at(const ImageView& image, const Lens& lens, 
   }
   if (!best) return std::nullopt;
   const double lead = best_likeness - next_likeness;
+  // What covers a marker is rarely just as black and white as it. Where many cells show the other
+  // colour, another pattern may stand there, or a part of this one: only its edges can tell.
+  const PlacedMarker& marker = placed_[static_cast<std::size_t>(best->placed)];
+  const int shown = marker.code.size() - best->wrong_cells;
+  if (shown < kLeastShown * best->opposed_cells && best->evidence.share() < kTellingShare)
+    return std::nullopt;
   if (best->evidence.seen < kLeastSeen || lead < kLeastLead ||
       lead + 2.0 * best->evidence.seen < kLeastSum)
     return std::nullopt;

@@ -18,7 +18,8 @@ struct Recovered {
   int placed = 0;             ///< index into place(markers)
   Registration registration;  ///< of the upright marker
   Evidence evidence;
-  int wrong_cells = 0;   ///< inner cells that don't show their colour
+  int wrong_cells = 0;    ///< inner cells that don't show their colour
+  int opposed_cells = 0;  ///< of them: those that show the other one
   double quality = 0.0;  ///< agreement of those cells that show black or white, 0 ... 1
 };
 
@@ -42,7 +43,8 @@ class Recovery {
     std::size_t parent;
     int turns;
     double score;  ///< the more of its cells show what the marker has there, the higher
-    int wrong;
+    int wrong;    ///< cells that don't show their colour,
+    int opposed;  ///< of them: those that show the other one
     double quality;
   };
   const Description& describe(std::size_t parent);
@@ -51,6 +53,7 @@ class Recovery {
                   const Description& description, int cells);
 
   const MarkerSet& markers_;
+  const std::vector<PlacedMarker>& placed_;
   const std::vector<std::vector<double>>& predicted_;
   std::vector<int> placed_of_;  // of each parent
   std::vector<int> sizes_;      // the different n of parents
