@@ -8,8 +8,7 @@
 namespace harco::detect {
 namespace {
 
-constexpr double kMove = 0.01;      // pixels, for differences
-constexpr double kRounding = 0.005;  // pixels; keeps covariances of small squares regular
+constexpr double kMove = 0.01;  // pixels, for differences
 
 std::optional<Point> seen_at(const Eigen::Matrix3d& H, const Point& square) {
   const Eigen::Vector3d h = H * square.homogeneous();
@@ -58,7 +57,6 @@ std::optional<PredictedQuad> Prediction::of(const PlacedMarker& other) const {
     }
   }
   quad.covariance = by_corners * covariance_ * by_corners.transpose();
-  quad.covariance.diagonal().array() += kRounding * kRounding;
   return quad;
 }
 
