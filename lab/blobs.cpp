@@ -49,8 +49,8 @@ std::vector<Blob> cover(double side_m, double share, int most, std::mt19937_64& 
     const double radius = side_m * std::sqrt(share / std::numbers::pi);
     const double play = std::max(0.0, side_m - 2.0 * radius);
     const Vector2d corner(unit(random), unit(random));
-    blobs.push_back({play * corner + Vector2d::Constant(0.5 * (side_m - play)), radius,
-                     255.0 * unit(random)});
+    blobs.push_back(
+        {play * corner + Vector2d::Constant(0.5 * (side_m - play)), radius, 255.0 * unit(random)});
     return blobs;
   }
   CoveredShare covered(side_m);

@@ -5,8 +5,8 @@
 #include <random>
 #include <stdexcept>
 
-#include <Eigen/Geometry>
 #include <gtest/gtest.h>
+#include <Eigen/Geometry>
 
 #include "detect/edge_template.hpp"
 #include "detect/prediction.hpp"
@@ -82,8 +82,7 @@ double worst_corner(const detect::Quad& a, const detect::Quad& b) {
   double best = 1e9;
   for (std::size_t turn = 0; turn < 4; ++turn) {
     double worst = 0.0;
-    for (std::size_t i = 0; i < 4; ++i)
-      worst = std::max(worst, (a[i] - b[(i + turn) % 4]).norm());
+    for (std::size_t i = 0; i < 4; ++i) worst = std::max(worst, (a[i] - b[(i + turn) % 4]).norm());
     best = std::min(best, worst);
   }
   return best;
@@ -213,10 +212,9 @@ Survivors cover_and_look(double share, int most_blobs, int frames) {
     lab::Scene scene;
     scene.camera = camera;
     scene.grey = 60.0 + 120.0 * unit(random);
-    scene.parents.push_back(
-        {0, lab::look_at_marker({0.5, 0.5}, 2.8, 40 * kDegree * unit(random),
-                                2 * std::numbers::pi * unit(random),
-                                2 * std::numbers::pi * unit(random))});
+    scene.parents.push_back({0, lab::look_at_marker({0.5, 0.5}, 2.8, 40 * kDegree * unit(random),
+                                                    2 * std::numbers::pi * unit(random),
+                                                    2 * std::numbers::pi * unit(random))});
     const Eigen::Isometry3d& truth = scene.parents[0].camera_T_marker;
     lab::FloatImage exact = lab::render_exact(scene, set);
     lab::draw_blobs(exact, lab::cover(1.0, share, most_blobs, random), camera, truth, 0.6);
@@ -228,9 +226,9 @@ Survivors cover_and_look(double share, int most_blobs, int frames) {
       for (const Vector2d& corner :
            {Vector2d(0, 0), Vector2d(1, 0), Vector2d(1, 1), Vector2d(0, 1)}) {
         const Eigen::Vector3d point(corner.x(), corner.y(), 0.0);
-        worst = std::max(worst, (*camera.project(pose.camera_T_marker * point) -
-                                 *camera.project(truth * point))
-                                    .norm());
+        worst = std::max(
+            worst, (*camera.project(pose.camera_T_marker * point) - *camera.project(truth * point))
+                       .norm());
       }
       right |= worst < 3.0;
       result.wrong += worst >= 3.0;
@@ -278,10 +276,10 @@ TEST(Inferred, SmallChildrenAreConfirmedWhereTheParentSaysTheyAre) {
     for (std::size_t i = 0; i < 4; ++i) {
       const Vector2d corner = placed[static_cast<std::size_t>(detection.placed)].corners_m()[i];
       const Eigen::Vector3d point(corner.x(), corner.y(), 0.0);
-      EXPECT_LT((detection.corners[i] -
-                 *scene.camera.project(scene.parents[0].camera_T_marker * point))
-                    .norm(),
-                detection.inferred ? 0.2 : 1.0);
+      EXPECT_LT(
+          (detection.corners[i] - *scene.camera.project(scene.parents[0].camera_T_marker * point))
+              .norm(),
+          detection.inferred ? 0.2 : 1.0);
     }
   // They are no evidence of their own.
   for (const Pose& pose : estimate_poses({}, detections, set, scene.camera)) {

@@ -381,12 +381,14 @@ void add_detect(CLI::App& app) {
       ->capture_default_str()
       ->group(detection);
   verb->add_flag(
-      "!--whole-only", options->detector.covered,
-      wrapped("Don't look for layer-1 markers of which parts are covered or out of view (faster)"))
+          "!--whole-only", options->detector.covered,
+          wrapped(
+              "Don't look for layer-1 markers of which parts are covered or out of view (faster)"))
       ->group(detection);
   verb->add_flag(
-      "!--measured-only", options->detector.infer,
-      wrapped("Leave out markers too small to be found by themselves, which a larger one of their "
+          "!--measured-only", options->detector.infer,
+          wrapped(
+              "Leave out markers too small to be found by themselves, which a larger one of their "
               "sheet leads to (those marked as inferred)"))
       ->group(detection);
   verb->add_option("--min-side", options->detector.min_side_px,

@@ -34,11 +34,11 @@ struct Detection {
   /// the ends of one side share its errors.
   Matrix8d corner_covariance = Matrix8d::Identity();
 
-  int bit_errors = 0;      ///< corrected bits
-  double quality = 0.0;    ///< 0 … 1: how well the cells agree with the marker's own picture
+  int bit_errors = 0;    ///< corrected bits
+  double quality = 0.0;  ///< 0 … 1: how well the cells agree with the marker's own picture
 
-  /// Its corners were not measured: they follow from a larger marker of the same sheet, and its cells
-  /// were found to be there. Poses don't count it as evidence of its own.
+  /// Its corners were not measured: they follow from a larger marker of the same sheet, and its
+  /// cells were found to be there. Poses don't count it as evidence of its own.
   bool inferred = false;
 
   /// Share of its picture's edges that were seen, below 1 for a marker that is partly covered.

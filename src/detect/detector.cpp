@@ -509,9 +509,8 @@ void Detector::Impl::recover(const ImageView& image, DetectionTrace* trace) {
   std::vector<Quad> known;
   for (const Quad& quad : quads) {
     if (detect::mean_side(quad) < least_side) continue;
-    if (std::any_of(known.begin(), known.end(), [&](const Quad& one) {
-          return detect::contains(one, detect::centre(quad));
-        }))
+    if (std::any_of(known.begin(), known.end(),
+                    [&](const Quad& one) { return detect::contains(one, detect::centre(quad)); }))
       continue;
     const auto recovered = recovery->at(image, lens, quad);
     if (!recovered || recovered->quality < options.min_quality) continue;
@@ -630,9 +629,8 @@ void Detector::Impl::infer(const ImageView& image, std::vector<Detection>& detec
     }
   }
   detections.insert(detections.end(), inferred.begin(), inferred.end());
-  std::stable_sort(
-      detections.begin(), detections.end(),
-      [](const Detection& a, const Detection& b) { return a.placed < b.placed; });
+  std::stable_sort(detections.begin(), detections.end(),
+                   [](const Detection& a, const Detection& b) { return a.placed < b.placed; });
 }
 
 std::vector<Detection> Detector::Impl::detect(const ImageView& image, DetectionTrace* trace) {

@@ -91,7 +91,9 @@ std::vector<TemplateEdge> edge_template(const InkMap& ink, const MarkerSet& mark
                             origin + Vector2d(line * c, (piece + 1) * c), border);
       }
   };
-  const auto outline = [&](const Vector2d& origin, double square) { grid(origin, square, 1, 0, 1); };
+  const auto outline = [&](const Vector2d& origin, double square) {
+    grid(origin, square, 1, 0, 1);
+  };
   grid(Vector2d::Zero(), 1.0, m, 0, m);
   for (const PlacedMarker& child : place(single)) {
     if (child.layer != 2) continue;

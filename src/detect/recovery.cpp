@@ -57,8 +57,8 @@ void smooth(std::vector<float>& picture, double sigma) {
       for (int column = 0; column < kAcross; ++column) {
         float value = 0.0F;
         for (int k = -reach; k <= reach; ++k)
-          value += kernel[static_cast<std::size_t>(k + reach)] *
-                   from[at(row + k * dy, column + k * dx)];
+          value +=
+              kernel[static_cast<std::size_t>(k + reach)] * from[at(row + k * dy, column + k * dx)];
         to[at(row, column)] = value;
       }
   };
@@ -70,7 +70,10 @@ void smooth(std::vector<float>& picture, double sigma) {
 
 Recovery::Recovery(const MarkerSet& markers, const std::vector<PlacedMarker>& placed,
                    const std::vector<std::vector<double>>& predicted)
-    : markers_(markers), placed_(placed), predicted_(predicted), descriptions_(markers.parents.size()) {
+    : markers_(markers),
+      placed_(placed),
+      predicted_(predicted),
+      descriptions_(markers.parents.size()) {
   placed_of_.resize(markers.parents.size());
   for (std::size_t i = 0; i < placed.size(); ++i)
     if (placed[i].layer == 1)
@@ -154,7 +157,8 @@ void Recovery::rank(const ImageView& image, const Lens& lens, const Registration
 /// The logarithm of how much more likely the image is with the marker there than with anything:
 /// block by block, what is covered counts for nothing.
 double Recovery::likeness(const ImageView& image, const Lens& lens,
-                          const Registration& registration, const Description& description, int cells) {
+                          const Registration& registration, const Description& description,
+                          int cells) {
   // A block is explained if it is off by no more than this, root mean square; one with a pattern
   // in it hardly ever by chance, an even one easily.
   constexpr float kExplained = 0.16F;

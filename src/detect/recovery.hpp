@@ -20,7 +20,7 @@ struct Recovered {
   Evidence evidence;
   int wrong_cells = 0;    ///< inner cells that don't show their colour
   int opposed_cells = 0;  ///< of them: those that show the other one
-  double quality = 0.0;  ///< agreement of those cells that show black or white, 0 ... 1
+  double quality = 0.0;   ///< agreement of those cells that show black or white, 0 ... 1
 };
 
 class Recovery {
@@ -43,8 +43,8 @@ class Recovery {
     std::size_t parent;
     int turns;
     double score;  ///< the more of its cells show what the marker has there, the higher
-    int wrong;    ///< cells that don't show their colour,
-    int opposed;  ///< of them: those that show the other one
+    int wrong;     ///< cells that don't show their colour,
+    int opposed;   ///< of them: those that show the other one
     double quality;
   };
   const Description& describe(std::size_t parent);

@@ -19,22 +19,22 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kStep = 0.5;           // pixels between samples across an edge
-constexpr double kSpacing = 2.0;        // pixels between samples along it
-constexpr int kMostAlong = 48;          // samples along one edge
-constexpr double kLeastBand = 2.0;      // pixels; black and white narrower than that aren't compared
-constexpr double kLeastLength = 3.0;    // pixels, of an edge
-constexpr double kDeep = 2.0;           // pixels beside the edge where its levels are read
-constexpr double kPlace = 0.8;          // pixels that a seen edge may lie beside its place
-constexpr double kLevelSlack = 0.35;    // of the contrast, that its levels may be off
+constexpr double kStep = 0.5;         // pixels between samples across an edge
+constexpr double kSpacing = 2.0;      // pixels between samples along it
+constexpr int kMostAlong = 48;        // samples along one edge
+constexpr double kLeastBand = 2.0;    // pixels; black and white narrower than that aren't compared
+constexpr double kLeastLength = 3.0;  // pixels, of an edge
+constexpr double kDeep = 2.0;         // pixels beside the edge where its levels are read
+constexpr double kPlace = 0.8;        // pixels that a seen edge may lie beside its place
+constexpr double kLevelSlack = 0.35;  // of the contrast, that its levels may be off
 constexpr double kLeastMatchedShare = 0.6;  // of an edge's samples
-constexpr std::size_t kFew = 12;        // samples that make no fit
+constexpr std::size_t kFew = 12;            // samples that make no fit
 
 /// A place on an edge, as the image sees it.
 struct Probe {
   Vector2d unit;
-  Vector2d place;     // ideal pixels
-  Vector2d to_white;  // unit normal, ideal pixels
+  Vector2d place;                   // ideal pixels
+  Vector2d to_white;                // unit normal, ideal pixels
   double black = 0.0, white = 0.0;  // how far even black and white reach, pixels
 };
 
@@ -222,8 +222,7 @@ bool step_homography(const std::vector<Match>& matches, double cut, Matrix3d& im
     const Vector3d h = K * q;
     const Vector2d place = h.hnormalized();
     const Eigen::Matrix<double, 1, 3> by_h =
-        match.probe.to_white.transpose() *
-        (K.topRows<2>() - place * K.row(2)) / h.z();
+        match.probe.to_white.transpose() * (K.topRows<2>() - place * K.row(2)) / h.z();
     Eigen::Matrix<double, 9, 1> row;
     for (Eigen::Index i = 0; i < 3; ++i) row.segment<3>(3 * i) = by_h(i) * q;
     normal.selfadjointView<Eigen::Lower>().rankUpdate(row.head<8>(), weight);
@@ -300,9 +299,9 @@ std::vector<Match> find_steps(const ImageView& image, const Lens& lens, const Ma
     const Profile profile(image, lens, probe, reach);
     if (!profile.whole()) continue;
     const auto step =
-        levels ? profile.crossing(0.5 * (levels->black_at(probe.unit) +
-                                         levels->white_at(probe.unit)))
-               : profile.strongest();
+        levels
+            ? profile.crossing(0.5 * (levels->black_at(probe.unit) + levels->white_at(probe.unit)))
+            : profile.strongest();
     if (step && (!levels || fits(*step, *levels, probe.unit))) matches.push_back({probe, *step});
   }
   return matches;
@@ -357,7 +356,7 @@ std::optional<Registration> fit_border(const ImageView& image, const Lens& lens,
   }
   registration.levels = *levels;
   if (!corner_covariance(registration.image_H_unit, normal, variance,
-                          registration.corner_covariance))
+                         registration.corner_covariance))
     return std::nullopt;
   return registration;
 }
@@ -402,8 +401,8 @@ Evidence gather(const ImageView& image, const Lens& lens, const std::vector<Temp
       const double middle = 0.5 * (registration.levels.black_at(probe.unit) +
                                    registration.levels.white_at(probe.unit));
       const auto step = profile.crossing(middle);
-      matched += step && std::abs(step->offset) <= kPlace &&
-                 fits(*step, registration.levels, probe.unit);
+      matched +=
+          step && std::abs(step->offset) <= kPlace && fits(*step, registration.levels, probe.unit);
     }
     if (in_view < 2 || 2 * in_view < static_cast<int>(probes.size())) continue;
     ++evidence.predicted;

@@ -38,7 +38,7 @@ struct Registration {
 /// How much of what a marker's picture predicts is there.
 struct Evidence {
   int predicted = 0;  ///< edges inside the border that this image is large and sharp enough for
-  int seen = 0;       ///< of them, those that are in their place with dark and bright as they should be
+  int seen = 0;  ///< of them, those that are in their place with dark and bright as they should be
   double share() const { return predicted == 0 ? 0.0 : static_cast<double>(seen) / predicted; }
 };
 

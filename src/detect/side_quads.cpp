@@ -252,9 +252,8 @@ std::vector<SideQuad> side_quads(std::vector<Segment> segments, double least_sid
   std::vector<SideQuad> quads = Search(merge(segments), least_side_px, calibration).quads();
   // The longest outline that is seen speaks for itself: inner squares are shorter.
   const auto promise = [](const SideQuad& quad) { return quad.seen * mean_side(quad.corners); };
-  std::stable_sort(quads.begin(), quads.end(), [&](const SideQuad& x, const SideQuad& y) {
-    return promise(x) > promise(y);
-  });
+  std::stable_sort(quads.begin(), quads.end(),
+                   [&](const SideQuad& x, const SideQuad& y) { return promise(x) > promise(y); });
   if (quads.size() > most) quads.resize(most);
   return quads;
 }

@@ -150,9 +150,9 @@ std::vector<Pose> estimate_poses(const ImageView& image, const std::vector<Detec
   for (std::size_t i = 0; i < by_parent.size(); ++i) {
     if (by_parent[i].empty()) continue;
     const Parent& parent = markers.parents[i];
-    Evidence evidence{image,       camera,           options,
-                      detections,  parent.marker.id, parent.side_m / (parent.marker.code.cells + 2),
-                      aligner,     std::nullopt};
+    Evidence evidence{image,      camera,           options,
+                      detections, parent.marker.id, parent.side_m / (parent.marker.code.cells + 2),
+                      aligner,    std::nullopt};
     if (options.align && options.fusion == Fusion::joint && !image.empty())
       evidence.outline.emplace(ink_plan(markers, static_cast<int>(i)));
     for (const Group& group : group_by_sheet(by_parent[i], detections, parent.side_m))
