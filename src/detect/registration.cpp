@@ -21,14 +21,17 @@ using Eigen::Vector3d;
 
 constexpr double kStep = 0.5;         // pixels between samples across an edge
 constexpr double kSpacing = 2.0;      // pixels between samples along it
-constexpr int kMostAlong = 48;        // samples along one edge
+constexpr int kMostAlongBorder = 32;  // samples along a side of the square,
+constexpr int kMostAlong = 8;         // and along any other edge
 constexpr double kLeastBand = 2.0;    // pixels; black and white narrower than that aren't compared
 constexpr double kLeastLength = 3.0;  // pixels, of an edge
 constexpr double kDeep = 2.0;         // pixels beside the edge where its levels are read
 constexpr double kPlace = 0.8;        // pixels that a seen edge may lie beside its place
 constexpr double kLevelSlack = 0.35;  // of the contrast, that its levels may be off
 constexpr double kLeastMatchedShare = 0.6;  // of an edge's samples
-constexpr std::size_t kFew = 12;            // samples that make no fit
+constexpr double kLeastBorderSeen = 0.12;   // of the outline's samples,
+constexpr double kLeastEdgesSeen = 0.05;    // and of all edges'
+constexpr std::size_t kFew = 16;            // samples that make no fit
 
 /// A place on an edge, as the image sees it.
 struct Probe {
@@ -61,15 +64,15 @@ class Map {
   Matrix3d H_;
 };
 
-/// The probes along an edge; empty if it is too small to be seen.
-void append_probes(const Map& map, const TemplateEdge& edge, std::vector<Probe>& probes) {
+/// The probes along an edge, at most so many; none if it is too small to be seen.
+void append_probes(const Map& map, const TemplateEdge& edge, int most, std::vector<Probe>& probes) {
   Vector2d place;
   Eigen::Matrix2d by_unit;
   const Vector2d middle = 0.5 * (edge.a + edge.b);
   if (!map.at(middle, place, by_unit)) return;
   const double length = (by_unit * (edge.b - edge.a)).norm();
   if (length < kLeastLength) return;
-  const auto count = std::clamp(static_cast<int>(length / kSpacing), 2, kMostAlong);
+  const auto count = std::clamp(static_cast<int>(length / kSpacing), 2, most);
   for (int i = 0; i < count; ++i) {
     Probe probe;
     probe.unit = edge.a + (i + 0.5) / count * (edge.b - edge.a);
@@ -287,14 +290,15 @@ bool sound(const Matrix3d& image_H_unit, const Quad& start, double most_move) {
   return convex(quad);
 }
 
-/// The steps near all probes of some edges, of whatever level or of a given one.
+/// The steps near all probes of some edges, of whatever level or of a given one. None if less than
+/// `least` of the probes show one: what chance does needs no fit.
 std::vector<Match> find_steps(const ImageView& image, const Lens& lens, const Matrix3d& H,
-                              const std::vector<TemplateEdge>& edges, double reach,
-                              const LightLevels* levels) {
+                              const std::vector<TemplateEdge>& edges, int most_along, double reach,
+                              double least, const LightLevels* levels) {
   const Map map(H);
   std::vector<Probe> probes;
   std::vector<Match> matches;
-  for (const TemplateEdge& edge : edges) append_probes(map, edge, probes);
+  for (const TemplateEdge& edge : edges) append_probes(map, edge, most_along, probes);
   for (const Probe& probe : probes) {
     const Profile profile(image, lens, probe, reach);
     if (!profile.whole()) continue;
@@ -304,6 +308,7 @@ std::vector<Match> find_steps(const ImageView& image, const Lens& lens, const Ma
             : profile.strongest();
     if (step && (!levels || fits(*step, *levels, probe.unit))) matches.push_back({probe, *step});
   }
+  if (static_cast<double>(matches.size()) < least * static_cast<double>(probes.size())) return {};
   return matches;
 }
 
@@ -345,8 +350,9 @@ std::optional<Registration> fit_border(const ImageView& image, const Lens& lens,
   constexpr int kRounds = 5;
   for (int round = 0; round < kRounds; ++round) {
     const double reach = std::max(1.0, first_reach * std::pow(0.5, round));
-    const std::vector<Match> matches = find_steps(image, lens, registration.image_H_unit, sides,
-                                                  reach, levels ? &*levels : nullptr);
+    const std::vector<Match> matches =
+        find_steps(image, lens, registration.image_H_unit, sides, kMostAlongBorder, reach,
+                   kLeastBorderSeen, levels ? &*levels : nullptr);
     levels = fit_levels(matches);
     if (!levels) return std::nullopt;
     if (!step_homography(matches, std::max(1.0, reach), registration.image_H_unit, &normal,
@@ -369,7 +375,8 @@ bool refine(const ImageView& image, const Lens& lens, const std::vector<Template
   double variance = 0.0;
   for (const double reach : {2.0, 1.2, 0.8}) {
     const std::vector<Match> matches =
-        find_steps(image, lens, refined.image_H_unit, edges, reach, &refined.levels);
+        find_steps(image, lens, refined.image_H_unit, edges, kMostAlong, reach, kLeastEdgesSeen,
+                   &refined.levels);
     const auto levels = fit_levels(matches);
     if (!levels) return false;
     refined.levels = *levels;
@@ -391,7 +398,7 @@ Evidence gather(const ImageView& image, const Lens& lens, const std::vector<Temp
   for (const TemplateEdge& edge : edges) {
     if (edge.border) continue;
     probes.clear();
-    append_probes(map, edge, probes);
+    append_probes(map, edge, kMostAlong, probes);
     int in_view = 0;
     int matched = 0;
     for (const Probe& probe : probes) {

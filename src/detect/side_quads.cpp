@@ -219,7 +219,7 @@ class Search {
     const Vector3d across = along.cross(plane(lines_[ab.to])).normalized();
     const double depth = across.dot(first) / across.dot(last);
     if (!(depth > 0.1 && depth < 10.0)) return;
-    const Vector3d corner_ab = first;
+    const Vector3d& corner_ab = first;
     const Vector3d corner_bc = depth * last;
     const double side = (corner_bc - corner_ab).norm();
     const auto seen_at = [&](const Vector3d& point) { return Point((K * point).hnormalized()); };
