@@ -24,6 +24,8 @@ struct Settings {
   int frames = 60;
   double tilt_deg = 40.0;
   int first = 0;
+  std::vector<double> sides{120.0, 250.0, 400.0};  // pixels, as seen frontally
+  std::vector<double> shares{0.0, 0.3, 0.5, 0.7};  // covered
   std::string dump;  // file name of a picture of each frame without a right pose
 };
 
@@ -100,6 +102,8 @@ int main(int argc, char** argv) {
   app.add_option("markers", settings.markers, "markers.json")->required();
   app.add_option("--frames", settings.frames, "frames of each case");
   app.add_option("--first", settings.first, "number of the first frame");
+  app.add_option("--sides", settings.sides, "the marker's sides in pixels")->delimiter(',');
+  app.add_option("--shares", settings.shares, "shares covered, 0 to below 1")->delimiter(',');
   app.add_option("--tilt", settings.tilt_deg, "greatest tilt, degrees");
   app.add_option("--dump", settings.dump, "start of the names of pictures that failed");
   CLI11_PARSE(app, argc, argv);
@@ -108,8 +112,8 @@ int main(int argc, char** argv) {
   Detector detector(markers, camera);
   std::printf("%6s %8s %10s | %8s %7s %8s\n", "side", "covered", "blobs", "right %", "wrong",
               "markers");
-  for (const double side_px : {120.0, 250.0, 400.0})
-    for (const double share : {0.0, 0.3, 0.5, 0.7})
+  for (const double side_px : settings.sides)
+    for (const double share : settings.shares)
       for (const int blobs : {1, 1000}) {
         if (share == 0.0 && blobs > 1) continue;
         const Count count = measure(detector, settings, camera, side_px, share, blobs);

@@ -21,8 +21,10 @@ class CoveredShare {
 
   void add(const Blob& blob) {
     for (std::size_t i = 0; i < covered_.size(); ++i) {
-      const Vector2d point((static_cast<double>(i % kAcross) + 0.5) * side_ / kAcross,
-                           (static_cast<double>(i / kAcross) + 0.5) * side_ / kAcross);
+      const std::size_t row = i / kAcross;
+      const std::size_t column = i % kAcross;
+      const Vector2d point((static_cast<double>(column) + 0.5) * side_ / kAcross,
+                           (static_cast<double>(row) + 0.5) * side_ / kAcross);
       if ((point - blob.centre).squaredNorm() < blob.radius * blob.radius) covered_[i] = true;
     }
   }

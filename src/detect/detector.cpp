@@ -47,7 +47,7 @@ constexpr double kWrongRingShare = 0.1;
 // smallest side in pixels, and how many squares are tried in a frame.
 constexpr double kLeastSegment = 8.0;
 constexpr double kLeastCoveredSide = 80.0;
-constexpr std::size_t kMostCoveredSquares = 24;
+constexpr std::size_t kMostCoveredSquares = 40;
 
 void check(const DetectorOptions& options) {
   if (!(options.min_side_px >= 4.0) || !std::isfinite(options.min_side_px))
@@ -488,8 +488,7 @@ void Detector::Impl::recover(const ImageView& image, DetectionTrace* trace) {
     quads.push_back(candidate.corners);
   }
   detect::ContourLimits limits;
-  limits.min_points = static_cast<std::size_t>(4.0 * kLeastSegment);
-  limits.min_extent = kLeastSegment;
+  limits.min_points = static_cast<std::size_t>(3.0 * kLeastSegment);
   limits.at_image_edge = true;
   segments.clear();
   follower.start(threshold, 0, limits);

@@ -26,11 +26,13 @@ constexpr double kLeastSum = 28.0;  // of the lead and twice the edges seen
 // The marker's picture is compared with the image at kAcross x kAcross points, in blocks.
 constexpr int kAcross = 56;
 constexpr int kBlock = 4;
-// For every cell that shows the other colour, so many must show their own.
+// For every cell that shows the other colour, so many must show their own, or such a share of the
+// edges be seen: parts of a pattern that look like the whole reach a fifth.
 constexpr double kLeastShown = 2.0;
-// ... unless such a share of its edges is seen. Parts of a pattern that look like the whole reach a
-// fifth.
 constexpr double kTellingShare = 0.28;
+// So many edges seen are beyond all chance; then only another reading can be in the way.
+constexpr int kTellingEdges = 18;
+constexpr double kLeastTellingLead = 5.0;
 // Readings of one square that are held against the image.
 constexpr std::size_t kReadings = 4;
 // A cell shows its colour if it is off by less than this share of the contrast.
@@ -238,6 +240,10 @@ std::optional<Recovered> Recovery::at(const ImageView& image, const Lens& lens, 
   }
   if (!best) return std::nullopt;
   const double lead = best_likeness - next_likeness;
+  if (best->evidence.seen >= kTellingEdges) {
+    if (lead < kLeastTellingLead) return std::nullopt;
+    return best;
+  }
   // What covers a marker is rarely just as black and white as it. Where many cells show the other
   // colour, another pattern may stand there, or a part of this one: only its edges can tell.
   const PlacedMarker& marker = placed_[static_cast<std::size_t>(best->placed)];

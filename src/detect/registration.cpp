@@ -29,9 +29,9 @@ constexpr double kDeep = 2.0;         // pixels beside the edge where its levels
 constexpr double kPlace = 0.8;        // pixels that a seen edge may lie beside its place
 constexpr double kLevelSlack = 0.35;  // of the contrast, that its levels may be off
 constexpr double kLeastMatchedShare = 0.6;  // of an edge's samples
-constexpr double kLeastBorderSeen = 0.12;   // of the outline's samples,
-constexpr double kLeastEdgesSeen = 0.05;    // and of all edges'
-constexpr std::size_t kFew = 16;            // samples that make no fit
+constexpr double kLeastBorderSeen = 0.08;   // of the outline's samples,
+constexpr double kLeastEdgesSeen = 0.03;    // and of all edges'
+constexpr std::size_t kFew = 12;            // samples that make no fit
 
 /// A place on an edge, as the image sees it.
 struct Probe {
