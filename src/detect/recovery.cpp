@@ -22,7 +22,8 @@ using Eigen::Vector3d;
 // tenths covered have.
 constexpr int kLeastSeen = 4;
 constexpr double kLeastLead = 8.0;
-constexpr double kLeastSum = 28.0;  // of the lead and twice the edges seen
+constexpr double kLeastSum = 32.0;    // of the lead and twice the edges seen
+constexpr double kLeastShare = 0.1;   // of the edges predicted
 // The marker's picture is compared with the image at kAcross x kAcross points, in blocks.
 constexpr int kAcross = 56;
 constexpr int kBlock = 4;
@@ -250,7 +251,8 @@ std::optional<Recovered> Recovery::at(const ImageView& image, const Lens& lens, 
   const int shown = marker.code.size() - best->wrong_cells;
   if (shown < kLeastShown * best->opposed_cells && best->evidence.share() < kTellingShare)
     return std::nullopt;
-  if (best->evidence.seen < kLeastSeen || lead < kLeastLead ||
+  if (best->evidence.seen < kLeastSeen || best->evidence.share() < kLeastShare ||
+      lead < kLeastLead ||
       lead + 2.0 * best->evidence.seen < kLeastSum)
     return std::nullopt;
   return best;
