@@ -22,8 +22,8 @@ using Eigen::Vector3d;
 // tenths covered have.
 constexpr int kLeastSeen = 4;
 constexpr double kLeastLead = 8.0;
-constexpr double kLeastSum = 32.0;    // of the lead and twice the edges seen
-constexpr double kLeastShare = 0.1;   // of the edges predicted
+constexpr double kLeastSum = 32.0;   // of the lead and twice the edges seen
+constexpr double kLeastShare = 0.1;  // of the edges predicted
 // The marker's picture is compared with the image at kAcross x kAcross points, in blocks.
 constexpr int kAcross = 56;
 constexpr int kBlock = 4;
@@ -67,6 +67,15 @@ void smooth(std::vector<float>& picture, double sigma) {
   };
   pass(picture, once, 1, 0);
   pass(once, picture, 0, 1);
+}
+
+/// Whether what is seen leaves no corner open, not even one that is covered or out of view.
+bool well_known(const Registration& registration) {
+  constexpr double kMostPx = 0.7;
+  constexpr double kMostShare = 0.004;  // of the side
+  const double side = mean_side(corners_of(registration.image_H_unit));
+  const double most = std::max(kMostPx, kMostShare * side);
+  return registration.corner_covariance.diagonal().maxCoeff() < most * most;
 }
 
 }  // namespace
@@ -227,7 +236,9 @@ std::optional<Recovered> Recovery::at(const ImageView& image, const Lens& lens, 
       recovered.wrong_cells = reading.wrong;
       recovered.quality = reading.quality;
       recovered.opposed_cells = reading.opposed;
-      if (!refine(image, lens, description.edges, recovered.registration)) continue;
+      if (!refine(image, lens, description.edges, recovered.registration) ||
+          !well_known(recovered.registration))
+        continue;
       recovered.evidence = gather(image, lens, description.edges, recovered.registration);
       const double like = likeness(image, lens, recovered.registration, description, cells + 2);
       if (!best || like > best_likeness) {
@@ -252,8 +263,7 @@ std::optional<Recovered> Recovery::at(const ImageView& image, const Lens& lens, 
   if (shown < kLeastShown * best->opposed_cells && best->evidence.share() < kTellingShare)
     return std::nullopt;
   if (best->evidence.seen < kLeastSeen || best->evidence.share() < kLeastShare ||
-      lead < kLeastLead ||
-      lead + 2.0 * best->evidence.seen < kLeastSum)
+      lead < kLeastLead || lead + 2.0 * best->evidence.seen < kLeastSum)
     return std::nullopt;
   return best;
 }
