@@ -29,7 +29,7 @@ constexpr int kAcross = 56;
 constexpr int kBlock = 4;
 // For every cell that shows the other colour, so many must show their own, or such a share of the
 // edges be seen: parts of a pattern that look like the whole reach a fifth.
-constexpr double kLeastShown = 2.0;
+constexpr double kLeastShown = 3.0;
 constexpr double kTellingShare = 0.28;
 // So many edges seen are beyond all chance; then only another reading can be in the way.
 constexpr int kTellingEdges = 18;
