@@ -34,6 +34,8 @@ constexpr double kTellingShare = 0.28;
 // So many edges seen are beyond all chance; then only another reading can be in the way.
 constexpr int kTellingEdges = 18;
 constexpr double kLeastTellingLead = 5.0;
+// The image's edge covers nothing of what is within: of a square that it cuts, so much is seen.
+constexpr double kLeastCutShare = 0.5;
 // Readings of one square that are held against the image.
 constexpr std::size_t kReadings = 4;
 // A cell shows its colour if it is off by less than this share of the contrast.
@@ -76,6 +78,15 @@ bool well_known(const Registration& registration) {
   const double side = mean_side(corners_of(registration.image_H_unit));
   const double most = std::max(kMostPx, kMostShare * side);
   return registration.corner_covariance.diagonal().maxCoeff() < most * most;
+}
+
+/// Whether part of the square lies beyond the image.
+bool cut(const ImageView& image, const Lens& lens, const Registration& registration) {
+  for (const Point& corner : corners_of(registration.image_H_unit)) {
+    const auto pixel = lens.from_ideal(corner);
+    if (!pixel || !sample(image, pixel->x(), pixel->y())) return true;
+  }
+  return false;
 }
 
 }  // namespace
@@ -252,6 +263,8 @@ std::optional<Recovered> Recovery::at(const ImageView& image, const Lens& lens, 
   }
   if (!best) return std::nullopt;
   const double lead = best_likeness - next_likeness;
+  if (cut(image, lens, best->registration) && best->evidence.share() < kLeastCutShare)
+    return std::nullopt;
   if (best->evidence.seen >= kTellingEdges) {
     if (lead < kLeastTellingLead) return std::nullopt;
     return best;
