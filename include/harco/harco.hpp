@@ -11,6 +11,7 @@
 #include "harco/image.hpp"
 #include "harco/layout.hpp"
 #include "harco/marker.hpp"
+#include "harco/mount.hpp"
 #include "harco/plan.hpp"
 #include "harco/pose.hpp"
 #include "harco/track.hpp"

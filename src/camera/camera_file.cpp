@@ -3,50 +3,16 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <stdexcept>
 
 #include <yaml-cpp/yaml.h>
 
 #include "harco/camera.hpp"
 #include "harco/error.hpp"
 #include "marker/file.hpp"
+#include "yaml_fields.hpp"
 
 namespace harco {
 namespace {
-
-/// What is wrong with a description; the file's name is put before it where it is known.
-class Wrong : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
-
-/// "'key'", as messages name a field.
-std::string quoted(const std::string& key) {
-  std::string text = "'";
-  text += key;
-  text += "'";
-  return text;
-}
-
-double number(const YAML::Node& node, const std::string& what) {
-  double value = 0.0;
-  if (!node.IsScalar() || !YAML::convert<double>::decode(node, value) || !std::isfinite(value))
-    throw Wrong(what + " is not a finite number");
-  return value;
-}
-
-int whole(const YAML::Node& node, const std::string& what) {
-  const double value = number(node, what);
-  if (value != std::floor(value) || std::abs(value) > 1e9)
-    throw Wrong(what + " is not a whole number");
-  return static_cast<int>(value);
-}
-
-YAML::Node field(const YAML::Node& map, const std::string& key, const std::string& what) {
-  const YAML::Node node = map[key];
-  if (!node) throw Wrong(what + " is missing");
-  return node;
-}
 
 int size(const YAML::Node& root, const std::string& key) {
   const std::string what = quoted(key);
@@ -137,13 +103,6 @@ Camera read_camera(const YAML::Node& root) {
   return camera;
 }
 
-/// The shortest text that reads back as the same number, whatever the locale.
-std::string to_text(double value) {
-  std::array<char, 32> buffer{};
-  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr;
-  return {buffer.data(), end};
-}
-
 std::string matrix_text(const char* key, int rows, int cols, const std::vector<double>& data) {
   std::string text = std::string(key) + ": !!opencv-matrix\n   rows: " + std::to_string(rows) +
                      "\n   cols: " + std::to_string(cols) + "\n   dt: d\n   data: [ ";
@@ -154,21 +113,7 @@ std::string matrix_text(const char* key, int rows, int cols, const std::vector<d
 }  // namespace
 
 Camera parse_camera(const std::string& yaml, const std::string& name) {
-  // OpenCV's first line, %YAML:1.0, is not a directive of YAML's own grammar (that is "%YAML 1.0"):
-  // make it a comment, so that line numbers stay as they are.
-  std::string text = yaml;
-  if (text.rfind("%YAML:", 0) == 0) text[0] = '#';
-  try {
-    return read_camera(YAML::Load(text));
-  } catch (const YAML::Exception& error) {
-    const std::string line =
-        error.mark.is_null() ? "" : " at line " + std::to_string(error.mark.line + 1);
-    throw Error(name + ": not valid YAML" + line + " (" + error.msg + ")");
-  } catch (const Wrong& error) {
-    throw Error(name + ": " + error.what());
-  } catch (const std::invalid_argument& error) {
-    throw Error(name + ": " + error.what());
-  }
+  return parse_yaml(yaml, name, read_camera);
 }
 
 Camera load_camera(const std::filesystem::path& file) {
