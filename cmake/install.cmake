@@ -51,17 +51,19 @@ if(TARGET harco_land)
     DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
 endif()
 
-# The command, and beside the libraries the module that it loads when it needs OpenCV.
+# The command, and beside the libraries the modules that it loads when it needs them.
 file(RELATIVE_PATH libraries_from_bin /${CMAKE_INSTALL_BINDIR} /${CMAKE_INSTALL_LIBDIR})
 if(TARGET harco_command)
   set_target_properties(harco_command PROPERTIES INSTALL_RPATH $ORIGIN/${libraries_from_bin})
   install(TARGETS harco_command RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT command)
 endif()
-if(TARGET harco_opencv)
-  set_target_properties(harco_opencv PROPERTIES INSTALL_RPATH $ORIGIN/..)
-  install(TARGETS harco_opencv
-    LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/harco COMPONENT command)
-endif()
+foreach(module harco_opencv harco_lab_module)
+  if(TARGET ${module})
+    set_target_properties(${module} PROPERTIES INSTALL_RPATH $ORIGIN/..)
+    install(TARGETS ${module}
+      LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/harco COMPONENT command)
+  endif()
+endforeach()
 
 # `cpack` makes Debian packages.
 set(CPACK_GENERATOR DEB)

@@ -21,7 +21,9 @@ enum class Extent {
   quick,  ///< all of it in small: all experiments in two minutes on two cores
   full    ///< with the paper's numbers: all experiments in half an hour on two cores
 };
-const char* to_string(Extent extent);
+inline const char* to_string(Extent extent) {
+  return extent == Extent::tiny ? "tiny" : extent == Extent::quick ? "quick" : "full";
+}
 
 class Experiment {
  public:
