@@ -7,6 +7,7 @@
 #include "harco/dictionary.hpp"
 #include "harco/draw.hpp"
 #include "harco/error.hpp"
+#include "harco/filter.hpp"
 #include "harco/geometry.hpp"
 #include "harco/image.hpp"
 #include "harco/layout.hpp"
