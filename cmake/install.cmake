@@ -1,4 +1,4 @@
-# What is installed, in components: `library` and `landing` (what programs need at run time),
+# What is installed, in components: `library`, `landing` and `autopilot` (what programs need at run time),
 # `development` (what they are built with) and `command`.
 include(CMakePackageConfigHelpers)
 
@@ -10,6 +10,11 @@ install(TARGETS harco EXPORT harcoTargets
 if(TARGET harco_land)
   install(TARGETS harco_land EXPORT harcoTargets
     LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT landing NAMELINK_COMPONENT development
+    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
+endif()
+if(TARGET harco_autopilot)
+  install(TARGETS harco_autopilot EXPORT harcoTargets
+    LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT autopilot NAMELINK_COMPONENT development
     ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
 endif()
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/harco
@@ -31,8 +36,10 @@ install(FILES ${PROJECT_BINARY_DIR}/harcoConfig.cmake ${PROJECT_BINARY_DIR}/harc
 # pkg-config. Who links the static library links what is inside of it as well; the shared one brings
 # it along.
 set(pc_land_libraries "-lceres -lglog")
+set(pc_autopilot_libraries "-lcrypto")
 if(BUILD_SHARED_LIBS)
   set(pc_land_libraries "")
+  set(pc_autopilot_libraries "")
   set(pc_requires "eigen3")
   set(pc_requires_private "libhwy, yaml-cpp")
 else()
@@ -48,6 +55,12 @@ if(TARGET harco_land)
   configure_file(${CMAKE_CURRENT_LIST_DIR}/harco-land.pc.in ${PROJECT_BINARY_DIR}/harco-land.pc
     @ONLY)
   install(FILES ${PROJECT_BINARY_DIR}/harco-land.pc
+    DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
+endif()
+if(TARGET harco_autopilot)
+  configure_file(${CMAKE_CURRENT_LIST_DIR}/harco-autopilot.pc.in
+    ${PROJECT_BINARY_DIR}/harco-autopilot.pc @ONLY)
+  install(FILES ${PROJECT_BINARY_DIR}/harco-autopilot.pc
     DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
 endif()
 
@@ -75,6 +88,9 @@ if(BUILD_SHARED_LIBS)
   if(TARGET harco_land)
     list(APPEND CPACK_COMPONENTS_ALL landing)
   endif()
+  if(TARGET harco_autopilot)
+    list(APPEND CPACK_COMPONENTS_ALL autopilot)
+  endif()
   set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libharco0 (= ${PROJECT_VERSION}), libeigen3-dev")
   set(CPACK_DEBIAN_COMMAND_PACKAGE_DEPENDS "libharco0 (= ${PROJECT_VERSION})")
 else()
@@ -85,12 +101,14 @@ set(CPACK_DEBIAN_ENABLE_COMPONENT_DEPENDS OFF)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${PROJECT_BINARY_DIR}/src)
-# Ceres is for who links harco::land.
-set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SUGGESTS "libceres-dev")
+# Ceres is for who links harco::land, OpenSSL for who links harco::autopilot.
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SUGGESTS "libceres-dev, libssl-dev")
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_NAME libharco0)
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_LANDING_PACKAGE_NAME libharco-land0)
 set(CPACK_DEBIAN_LANDING_PACKAGE_SECTION libs)
+set(CPACK_DEBIAN_AUTOPILOT_PACKAGE_NAME libharco-autopilot0)
+set(CPACK_DEBIAN_AUTOPILOT_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libharco-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_COMMAND_PACKAGE_NAME harco)
