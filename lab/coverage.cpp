@@ -1,6 +1,7 @@
 #include "coverage.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <stdexcept>
@@ -55,7 +56,7 @@ Coverage::Coverage(const PixelWindow& window, const Psf& psf) : window_(window),
   grid_height_ = (window.height + 2 * margin_px_) * psf.oversampling;
 }
 
-void Coverage::add(const std::vector<Eigen::Vector2d>& polygon, double weight) {
+void Coverage::add(const Polygon& polygon, double weight) {
   const Eigen::Vector2d first(window_.x - margin_px_, window_.y - margin_px_);
   const auto to_grid = [&](const Eigen::Vector2d& pixel) -> Eigen::Vector2d {
     return (pixel - first + Eigen::Vector2d(0.5, 0.5)) * psf_.oversampling;
@@ -78,13 +79,13 @@ void Coverage::add_edge(Eigen::Vector2d from, Eigen::Vector2d to, double weight)
   const auto x_at = [&](double y) { return from.x() + slope * (y - from.y()); };
 
   // Cut where it crosses the grid's left and right border; each part is then on one side.
-  std::vector<double> cuts{top, bottom};
-  for (const double border : {0.0, static_cast<double>(grid_width_)}) {
+  std::array<double, 4> cuts{top, bottom, bottom, bottom};
+  for (std::size_t i = 1; const double border : {0.0, static_cast<double>(grid_width_)}) {
     const double y = from.y() + (border - from.x()) / slope;
-    if (y > top && y < bottom) cuts.push_back(y);
+    if (y > top && y < bottom) cuts[i++] = y;
   }
   std::sort(cuts.begin(), cuts.end());
-  for (std::size_t i = 0; i + 1 < cuts.size(); ++i)
+  for (std::size_t i = 0; cuts[i] < bottom; ++i)
     keep(x_at(cuts[i]), cuts[i], x_at(cuts[i + 1]), cuts[i + 1], weight);
 }
 
@@ -99,7 +100,10 @@ void Coverage::keep(double x0, double y0, double x1, double y1, double weight) {
 /// One row of sub-pixels after the other, from the top.
 struct Coverage::Sweep {
   explicit Sweep(const Coverage& coverage)
-      : edges(coverage.edges_), steps(static_cast<std::size_t>(coverage.grid_width_) + 2) {
+      : edges(coverage.edges_),
+        steps(static_cast<std::size_t>(coverage.grid_width_) + 2),
+        over(coverage.psf_.oversampling),
+        touched(static_cast<std::size_t>(coverage.grid_width_ / over) + 2) {
     std::sort(edges.begin(), edges.end(), [](const Edge& a, const Edge& b) { return a.y0 < b.y0; });
   }
 
@@ -110,7 +114,8 @@ struct Coverage::Sweep {
     for (; next < edges.size() && edges[next].y0 < row + 1; ++next)
       if (edges[next].y1 > row) active.push_back(next);
     if (active.empty()) return false;
-    std::fill(steps.begin(), steps.end(), 0.0);
+    std::fill(steps.begin(), steps.end(), 0.0F);
+    std::fill(touched.begin(), touched.end(), false);
     for (const std::size_t i : active) add(edges[i], row);
     return true;
   }
@@ -129,6 +134,7 @@ struct Coverage::Sweep {
     const double width = right - left;
     const int last = static_cast<int>(right);
     int cell = static_cast<int>(left);
+    std::fill(touched.begin() + cell / over, touched.begin() + (last + 1) / over + 1, true);
     if (cell == last || width <= 0.0) {
       add_step(cell, 0.5 * (left + right), cover);
       return;
@@ -145,14 +151,16 @@ struct Coverage::Sweep {
   void add_step(int cell, double x, double cover) {
     const double share = cell + 1.0 - x;
     const auto index = static_cast<std::size_t>(cell);
-    steps[index] += cover * share;
-    steps[index + 1] += cover * (1.0 - share);
+    steps[index] += static_cast<float>(cover * share);
+    steps[index + 1] += static_cast<float>(cover * (1.0 - share));
   }
 
   std::vector<Edge> edges;
   std::vector<std::size_t> active;
   std::size_t next = 0;
-  std::vector<double> steps;
+  std::vector<float> steps;
+  int over;
+  std::vector<char> touched;  ///< whether a pixel's sub-pixels have steps, margins included
 };
 
 FloatImage Coverage::blurred() const {
@@ -165,29 +173,47 @@ FloatImage Coverage::blurred() const {
   // Sub-pixel s of a row stands in plane s % over at s / over: so the inner loops run over
   // neighbouring pixels.
   const auto plane_width = static_cast<std::size_t>(grid_width_ / over);
-  std::vector<float> planes(plane_width * static_cast<std::size_t>(over));
+  const auto phases = static_cast<std::size_t>(over);
+  const auto reach = static_cast<std::size_t>(2 * margin_px_);
+  std::vector<float> planes(plane_width * phases);
   std::vector<float> line(static_cast<std::size_t>(window_.width));
+  const auto filter = [&](std::size_t first, std::size_t last) {
+    std::fill(line.begin() + static_cast<std::ptrdiff_t>(first),
+              line.begin() + static_cast<std::ptrdiff_t>(last), 0.0F);
+    for (int k = 0; k < taps; ++k) {
+      const float weight = weights[static_cast<std::size_t>(k)];
+      const float* from = planes.data() +
+                          static_cast<std::size_t>((lead + k) % over) * plane_width +
+                          (lead + k) / over;
+      for (std::size_t x = first; x < last; ++x) line[x] += weight * from[x];
+    }
+  };
 
   FloatImage image(window_.width, window_.height);
   Sweep sweep(*this);
   for (int row = 0; row < grid_height_; ++row) {
     if (!sweep.go_to(row)) continue;
     double sum = 0.0;
-    std::size_t s = 0;
-    for (std::size_t column = 0; column < plane_width; ++column)
-      for (std::size_t phase = 0; phase < static_cast<std::size_t>(over); ++phase) {
-        sum += sweep.steps[s++];
+    for (std::size_t column = 0; column < plane_width; ++column) {
+      const float* steps = sweep.steps.data() + column * phases;
+      for (std::size_t phase = 0; phase < phases; ++phase) {
+        if (sweep.touched[column] != 0) sum += static_cast<double>(steps[phase]);
         planes[phase * plane_width + column] = static_cast<float>(sum);
       }
-
-    std::fill(line.begin(), line.end(), 0.0F);
-    for (int k = 0; k < taps; ++k) {
-      const float weight = weights[static_cast<std::size_t>(k)];
-      const float* from = planes.data() +
-                          static_cast<std::size_t>((lead + k) % over) * plane_width +
-                          (lead + k) / over;
-      for (std::size_t x = 0; x < line.size(); ++x) line[x] += weight * from[x];
     }
+    // Pixel x takes from the columns x ... x + reach. Where these have no step, it has their value.
+    std::size_t done = 0;
+    for (std::size_t column = 0; column < plane_width && done < line.size(); ++column) {
+      if (sweep.touched[column] == 0) continue;
+      const std::size_t first = std::max(done, column > reach ? column - reach : 0);
+      for (std::size_t next = column + 1; next < plane_width && next <= column + 1 + reach; ++next)
+        if (sweep.touched[next] != 0) column = next;
+      const std::size_t last = std::min(column + 1, line.size());
+      for (; done < first; ++done) line[done] = planes[done];
+      filter(first, last);
+      done = last;
+    }
+    for (; done < line.size(); ++done) line[done] = planes[done + reach];
 
     // Pixel row y takes this row as its tap k = row - lead - y * over.
     const int newest = std::min((row - lead) / over, window_.height - 1);

@@ -6,6 +6,8 @@
 
 #include <Eigen/Core>
 
+#include "plane_view.hpp"
+
 namespace harco::lab {
 
 /// Grey values before they become bytes, rows one after another.
@@ -22,11 +24,6 @@ struct FloatImage {
   int width = 0;
   int height = 0;
   std::vector<float> pixels;
-};
-
-/// A block of whole pixels: columns x … x + width - 1, rows y … y + height - 1.
-struct PixelWindow {
-  int x = 0, y = 0, width = 0, height = 0;
 };
 
 /// Lens, defocus and sensor: a Gaussian, integrated over square pixels.
@@ -51,7 +48,7 @@ class Coverage {
 
   /// A polygon in pixels (pixel centres are whole numbers), clockwise as one sees it (x right,
   /// y down); the other way round it counts negative. It may reach beyond the window.
-  void add(const std::vector<Eigen::Vector2d>& polygon, double weight = 1.0);
+  void add(const Polygon& polygon, double weight = 1.0);
 
   /// The sum of weight x covered share of all polygons, pixel by pixel of the window.
   FloatImage blurred() const;

@@ -2,150 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <random>
 #include <stdexcept>
 #include <string>
 
+#include "plane_view.hpp"
+
 namespace harco::lab {
 namespace {
-
-// A curved edge is cut into chords that stay so near to it, in pixels ...
-constexpr double kChordError = 0.002;
-// ... none of them longer than this, so that an S-shaped edge isn't taken for its chord.
-constexpr double kLongestChord = 40.0;
-// What is nearer to the camera's plane than this is not imaged, in metres.
-constexpr double kNear = 1e-6;
-// Sides of the cone that holds all that a distorting lens can show.
-constexpr int kConeSides = 24;
-
-using Polygon3 = std::vector<Eigen::Vector3d>;
-using Polygon2 = std::vector<Eigen::Vector2d>;
-
-/// Points X with normal . X >= offset.
-struct HalfSpace {
-  Eigen::Vector3d normal;
-  double offset = 0.0;
-  double height(const Eigen::Vector3d& point) const { return normal.dot(point) - offset; }
-};
-
-/// The part of a convex polygon within a half-space (Sutherland-Hodgman).
-Polygon3 clipped(const Polygon3& polygon, const HalfSpace& space) {
-  Polygon3 inside;
-  for (std::size_t i = 0; i < polygon.size(); ++i) {
-    const Eigen::Vector3d& a = polygon[i];
-    const Eigen::Vector3d& b = polygon[(i + 1) % polygon.size()];
-    const double ha = space.height(a);
-    const double hb = space.height(b);
-    if (ha >= 0.0) inside.push_back(a);
-    if ((ha >= 0.0) != (hb >= 0.0)) inside.push_back(a + (b - a) * (ha / (ha - hb)));
-  }
-  return inside;
-}
-
-Eigen::Vector2d normalised(const Eigen::Vector3d& point) { return point.head<2>() / point.z(); }
-
-/// All that can reach a pixel of the image, with `margin_px` around it.
-class View {
- public:
-  View(const Camera& camera, int margin_px) : camera_(camera) {
-    spaces_.push_back({Eigen::Vector3d::UnitZ(), kNear});
-    if (camera.has_distortion())
-      add_cone(margin_px);
-    else
-      add_pyramid(margin_px);
-  }
-
-  /// Outline in pixels of a convex polygon of the camera frame. Empty if nothing is in view.
-  Polygon2 outline(Polygon3 polygon) const {
-    for (const HalfSpace& space : spaces_) {
-      const auto within = [&](const Eigen::Vector3d& p) { return space.height(p) >= 0.0; };
-      if (!std::all_of(polygon.begin(), polygon.end(), within)) polygon = clipped(polygon, space);
-    }
-    Polygon2 pixels;
-    for (std::size_t i = 0; i < polygon.size(); ++i)
-      add_edge(normalised(polygon[i]), normalised(polygon[(i + 1) % polygon.size()]), pixels);
-    return pixels;
-  }
-
- private:
-  Eigen::Vector2d pinhole(const Eigen::Vector2d& point) const {
-    return {camera_.fx * point.x() + camera_.cx, camera_.fy * point.y() + camera_.cy};
-  }
-
-  void add_pyramid(int margin) {
-    const double left = (-0.5 - margin - camera_.cx) / camera_.fx;
-    const double right = (camera_.width - 0.5 + margin - camera_.cx) / camera_.fx;
-    const double top = (-0.5 - margin - camera_.cy) / camera_.fy;
-    const double bottom = (camera_.height - 0.5 + margin - camera_.cy) / camera_.fy;
-    spaces_.push_back({{1.0, 0.0, -left}});
-    spaces_.push_back({{-1.0, 0.0, right}});
-    spaces_.push_back({{0.0, 1.0, -top}});
-    spaces_.push_back({{0.0, -1.0, bottom}});
-  }
-
-  void add_cone(int margin) {
-    double radius = 0.0;
-    const auto see = [&](double x, double y) {
-      if (const auto ray = camera_.unproject({x, y})) radius = std::max(radius, ray->norm());
-    };
-    const double left = -0.5 - margin, right = camera_.width - 0.5 + margin;
-    const double top = -0.5 - margin, bottom = camera_.height - 0.5 + margin;
-    constexpr int kSteps = 64;
-    for (int i = 0; i <= kSteps; ++i) {
-      const double x = left + (right - left) * i / kSteps;
-      const double y = top + (bottom - top) * i / kSteps;
-      see(x, top), see(x, bottom), see(left, y), see(right, y);
-    }
-    for (int i = 0; i < kConeSides; ++i) {
-      const double angle = 2.0 * std::numbers::pi * i / kConeSides;
-      spaces_.push_back({{-std::cos(angle), -std::sin(angle), radius}});
-    }
-  }
-
-  /// Appends the edge's image, its end excluded.
-  void add_edge(const Eigen::Vector2d& from, const Eigen::Vector2d& to, Polygon2& out) const {
-    if (!camera_.has_distortion()) {
-      out.push_back(pinhole(from));
-      return;
-    }
-    // What the lens can't image lies beyond the image's corners: leaving it out changes no pixel.
-    const auto a = camera_.project(from.homogeneous());
-    const auto b = camera_.project(to.homogeneous());
-    const Eigen::Vector2d halfway = 0.5 * (from + to);
-    const auto m = camera_.project(halfway.homogeneous());
-    const bool straight = a && b && m && (*b - *a).norm() < kLongestChord &&
-                          (*m - 0.5 * (*a + *b)).norm() < kChordError;
-    if (straight || (from - to).norm() < 1e-6) {
-      if (a) out.push_back(*a);
-      return;
-    }
-    add_edge(from, halfway, out);
-    add_edge(halfway, to, out);
-  }
-
-  const Camera& camera_;
-  std::vector<HalfSpace> spaces_;
-};
-
-/// The smallest window of the image that holds an outline and its blur.
-PixelWindow window_around(const Polygon2& outline, const Camera& camera, int reach) {
-  if (outline.empty()) return {};
-  Eigen::Array2d low = outline.front(), high = low;
-  for (const Eigen::Vector2d& p : outline) {
-    low = low.min(p.array());
-    high = high.max(p.array());
-  }
-  const auto bound = [](double v, int limit) {
-    return static_cast<int>(std::clamp(v, 0.0, static_cast<double>(limit)));
-  };
-  PixelWindow window;
-  window.x = bound(std::floor(low.x() - reach), camera.width);
-  window.y = bound(std::floor(low.y() - reach), camera.height);
-  window.width = bound(std::ceil(high.x() + reach) + 1.0, camera.width) - window.x;
-  window.height = bound(std::ceil(high.y() + reach) + 1.0, camera.height) - window.y;
-  return window;
-}
 
 /// Light along the marker's x axis, seen at a pixel.
 class Light {
@@ -175,32 +39,23 @@ class Light {
   Eigen::Isometry3d marker_T_camera_;
 };
 
-void paint(const Scene& scene, const Sheet& printed, const PlacedParent& placed, const View& view,
-           FloatImage& image) {
-  const double camera_height = placed.camera_T_marker.inverse().translation().z();
-  if (camera_height >= 0.0) return;  // seen from behind
-
-  const auto outline = [&](const Rect& r) {
-    Polygon3 polygon;
-    for (const Eigen::Vector3d& corner :
-         {Eigen::Vector3d(r.x0, r.y0, 0.0), Eigen::Vector3d(r.x1, r.y0, 0.0),
-          Eigen::Vector3d(r.x1, r.y1, 0.0), Eigen::Vector3d(r.x0, r.y1, 0.0)})
-      polygon.push_back(placed.camera_T_marker * corner);
-    return view.outline(std::move(polygon));
-  };
+void paint(const Scene& scene, const Sheet& printed, const PlacedParent& placed,
+           const FieldOfView& field, FloatImage& image) {
+  const PlaneView view(field, placed.camera_T_marker);
+  if (!view.shows_face()) return;
 
   const InkPlan& plan = printed.ink;
-  const Polygon2 sheet_outline = outline(printed.paper);
+  const Polygon sheet_outline = view.outline(printed.paper);
   const Psf psf{scene.psf_sigma_px, scene.oversampling};
   const PixelWindow window = window_around(sheet_outline, scene.camera, psf.reach_px() + 1);
-  if (window.width <= 0 || window.height <= 0) return;
+  if (window.empty()) return;
 
   Coverage sheet(window, psf);
   sheet.add(sheet_outline);
   Coverage ink(window, psf);
-  ink.add(outline(plan.square));
-  for (const Rect& rect : plan.white) ink.add(outline(rect), -1.0);
-  for (const Rect& rect : plan.black) ink.add(outline(rect));
+  ink.add(view.outline(plan.square));
+  for (const Rect& rect : plan.white) ink.add(view.outline(rect), -1.0);
+  for (const Rect& rect : plan.black) ink.add(view.outline(rect));
 
   const FloatImage sheet_share = sheet.blurred();
   const FloatImage ink_share = ink.blurred();
@@ -239,9 +94,9 @@ FloatImage painted(const Scene& scene, const SheetOfIndex& sheet) {
   if (scene.background)
     std::copy(scene.background->pixels.begin(), scene.background->pixels.end(),
               image.pixels.begin());
-  const View view(camera, Psf{scene.psf_sigma_px, scene.oversampling}.reach_px() + 2);
+  const FieldOfView field(camera, Psf{scene.psf_sigma_px, scene.oversampling}.reach_px() + 2);
   for (const PlacedParent& placed : scene.parents)
-    paint(scene, sheet(placed.parent_index), placed, view, image);
+    paint(scene, sheet(placed.parent_index), placed, field, image);
   return image;
 }
 
