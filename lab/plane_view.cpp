@@ -22,9 +22,9 @@ constexpr int kBlindHalvings = 5;  // of an edge whose ends and middle the lens 
 constexpr double kNear = 1e-6;
 // Sides of the cone that holds all that a distorting lens can show.
 constexpr int kConeSides = 24;
-// The row in which a point is seen, by fixed-point iteration.
+// Of the search for the row in which a point is seen.
 constexpr int kMostSteps = 12;
-constexpr double kSameRow = 1e-5;
+constexpr double kSameRow = 1e-4;
 
 }  // namespace
 
@@ -80,12 +80,13 @@ PlaneView::PlaneView(const FieldOfView& view, const Eigen::Isometry3d& camera_T_
       view_(view),
       rows_{axes_of(camera_T_plane)},
       middle_(rows_.front()),
-      straight_(!camera_.has_distortion()) {
+      pinhole_(!camera_.has_distortion()),
+      straight_(pinhole_) {
   set_bounds();
 }
 
 PlaneView::PlaneView(const FieldOfView& view, const std::vector<Eigen::Isometry3d>& camera_T_plane)
-    : camera_(view.camera()), view_(view), straight_(false) {
+    : camera_(view.camera()), view_(view), pinhole_(!camera_.has_distortion()), straight_(false) {
   for (const Eigen::Isometry3d& pose : camera_T_plane) rows_.push_back(axes_of(pose));
   middle_ = axes_at(0.5 * (camera_.height - 1));
   set_bounds();
@@ -108,14 +109,12 @@ PlaneView::Axes PlaneView::axes_at(double row) const {
           a.origin + share * (b.origin - a.origin)};
 }
 
-bool PlaneView::shows_face() const {
-  return middle_.x.cross(middle_.y).dot(middle_.origin) > 0.0;
-}
+bool PlaneView::shows_face() const { return middle_.x.cross(middle_.y).dot(middle_.origin) > 0.0; }
 
 PlaneView::Pixel PlaneView::project(const Axes& axes, const Vector2d& point) const {
   const Vector3d seen = axes.at(point);
   if (!(seen.z() > 0.0)) return std::nullopt;
-  if (camera_.has_distortion()) return camera_.project(seen);
+  if (!pinhole_) return camera_.project(seen);
   return Vector2d(camera_.fx * seen.x() / seen.z() + camera_.cx,
                   camera_.fy * seen.y() / seen.z() + camera_.cy);
 }
@@ -123,10 +122,16 @@ PlaneView::Pixel PlaneView::project(const Axes& axes, const Vector2d& point) con
 std::optional<Vector2d> PlaneView::pixel(const Vector2d& point) const {
   Pixel seen = project(middle_, point);
   if (rows_.size() == 1) return seen;
+  // The row r in which it is seen as it stands when row r is taken: secant steps.
+  double row = 0.5 * (camera_.height - 1);
+  double slope = -1.0;  // of how far off it is, by row
   for (int i = 0; seen && i < kMostSteps; ++i) {
-    const double row = seen->y();
+    const double off = seen->y() - row;
+    if (std::abs(off) < kSameRow) break;
+    const double step = -off / slope;
+    row += step;
     seen = project(axes_at(row), point);
-    if (seen && std::abs(seen->y() - row) < kSameRow) break;
+    if (seen) slope = std::min(-0.1, (seen->y() - row - off) / step);
   }
   return seen;
 }

@@ -90,6 +90,7 @@ class PlaneView {
   std::vector<Axes> rows_;  ///< one where all rows are taken at once
   Axes middle_;             ///< of the middle row
   std::vector<HalfPlane> bounds_;
+  bool pinhole_;   ///< whether the lens is free of distortion
   bool straight_;  ///< whether straight edges look straight
 };
 
