@@ -146,8 +146,8 @@ class Referee {
       : options_(options),
         camera_(Camera::pinhole(750, 480, 700.0)),
         detector_(markers, with_camera(camera_)),
-        sheets_{lab::sheet_of(markers, 0, 2.0), bench::aruco_sheet(kSideM),
-                bench::apriltag_sheet(kSideM), bench::board_sheet(kSideM)} {}
+        sheets_{lab::sheet_of(markers, 0, 2.0), lab::aruco_sheet(kSideM),
+                bench::apriltag_sheet(kSideM), lab::aruco_board_sheet(kSideM)} {}
 
   /// The same numbers give the same frame.
   Frame judge(double side_px, int number) {
@@ -187,17 +187,17 @@ class Referee {
           break;
         }
         case Print::aruco:
-          note(Method::aruco, plain(bench::aruco_pose(image, camera_, kSideM, side_px)));
+          note(Method::aruco, plain(lab::aruco_pose(image, camera_, kSideM, side_px)));
           break;
         case Print::apriltag:
           note(Method::apriltag, plain(bench::apriltag_pose(image, camera_, kSideM)));
           break;
         case Print::board: {
-          using bench::Refinement;
+          using lab::Refinement;
           const auto poses = [&](Refinement refinement) {
-            return bench::board_poses(image, camera_, kSideM, side_px, refinement);
+            return lab::aruco_board_poses(image, camera_, kSideM, side_px, refinement);
           };
-          const bench::BoardPoses sub_pixel = poses(Refinement::sub_pixel);
+          const lab::BoardPoses sub_pixel = poses(Refinement::sub_pixel);
           note(Method::board_averaged, plain(sub_pixel.averaged));
           note(Method::board_joint, plain(sub_pixel.joint));
           note(Method::board_edges, plain(poses(Refinement::edges).joint));
