@@ -1,9 +1,10 @@
-#include "lab/experiments/experiment.hpp"
+#include "lab/experiments/chapters.hpp"
 
 namespace harco::lab {
 
 const std::vector<const Experiment*>& experiments() {
-  static const std::vector<const Experiment*> all;
+  static const std::vector<const Experiment*> all{&transition(), &stage_times(), &hand_held(),
+                                                  &large_scale()};
   return all;
 }
 
