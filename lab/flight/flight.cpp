@@ -85,7 +85,7 @@ PlannedApproach::PlannedApproach(const TouchdownOptions& landing, const DeckOpti
     : planner_(landing), model_(deck), give_up_s_(give_up_s) {}
 
 void PlannedApproach::update(double now_s, double height_m, double climb_mps, bool sees_deck) {
-  constexpr double kThink_s = 0.5;
+  constexpr double kThink_s = 1.0;  // also without a new forecast
   const bool anew = model_.update();
   if (!anew && now_s - thought_s_ < kThink_s) return;
   thought_s_ = now_s;

@@ -268,9 +268,11 @@ Eigen::MatrixXd normal_numbers(Eigen::Index rows, Eigen::Index columns, std::mt1
   Eigen::MatrixXd numbers(rows, columns);
   const Eigen::Index half = rows / 2;
   for (Eigen::Index row = 0; row < half; ++row)
-    for (Eigen::Index column = 0; column < columns; ++column) {
+    for (Eigen::Index column = 0; column < columns; column += 2) {
       const double radius = std::sqrt(-2.0 * std::log(uniform()));
-      numbers(row, column) = radius * std::cos(kTwoPi * uniform());
+      const double angle = kTwoPi * uniform();
+      numbers(row, column) = radius * std::cos(angle);
+      if (column + 1 < columns) numbers(row, column + 1) = radius * std::sin(angle);
     }
   numbers.middleRows(half, half) = -numbers.topRows(half);
   if (rows % 2 == 1) numbers.row(rows - 1).setZero();
@@ -310,10 +312,13 @@ Eigen::MatrixXd drawn(const Belief& belief, const std::vector<double>& times_s, 
     for (Eigen::Index k = i; k < size; ++k) {
       const auto later = static_cast<std::size_t>(k);
       covariance(i, k) = covariance(k, i) =
-          wander.seen_before(rows[later], times_s[later] - times_s[at]).dot(shared);
+          wander.seen_before_dot(rows[later], times_s[later] - times_s[at], shared);
     }
   }
-  return (normal_numbers(draws, size, engine) * root(covariance).transpose()).rowwise() + mean;
+  const Eigen::MatrixXd lower = root(covariance);
+  return (normal_numbers(draws, size, engine) * lower.triangularView<Eigen::Lower>().transpose())
+             .rowwise() +
+         mean;
 }
 
 /// Courses of all beliefs, as many of each as its weight asks for.

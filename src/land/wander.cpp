@@ -144,6 +144,21 @@ Eigen::VectorXd Wander::seen_before(const Eigen::VectorXd& row, double h) const 
   return earlier;
 }
 
+double Wander::seen_before_dot(const Eigen::VectorXd& row, double h,
+                               const Eigen::VectorXd& by) const {
+  if (fade_rate_ == 0.0) return row.dot(by);
+  const double l = fade_rate_;
+  const double decay = std::exp(-l * h);
+  double sum = row[0] * by[0] + row.tail(order()).dot(by.tail(order()));
+  for (int i = 0; i < 2 * order(); ++i) {
+    const Eigen::Index at = coefficient(i);
+    const double value = (1.0 + l * h) * row[at] - l * l * h * row[at + 1];
+    const double rate = h * row[at] + (1.0 - l * h) * row[at + 1];
+    sum += decay * (value * by[at] + rate * by[at + 1]);
+  }
+  return sum;
+}
+
 double Wander::gained_variance(const Eigen::VectorXd& row, double h) const {
   if (fade_rate_ == 0.0) return 0.0;
   const Step made = step(h);

@@ -37,6 +37,8 @@ class Wander {
   Eigen::VectorXd rate_row(double time_s) const;
   /// What a row for h seconds later is for the state now.
   Eigen::VectorXd seen_before(const Eigen::VectorXd& row, double h) const;
+  /// The product of that with a vector, without making it.
+  double seen_before_dot(const Eigen::VectorXd& row, double h, const Eigen::VectorXd& by) const;
   /// Variance that its product gains in these h seconds by wandering.
   double gained_variance(const Eigen::VectorXd& row, double h) const;
 
