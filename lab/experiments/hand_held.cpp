@@ -143,8 +143,8 @@ Json HandHeld::run(Extent extent, int item) const {
   const Camera& camera = studio.camera();
   const MarkerSet markers = paper_markers(2, kSide);
   Detector detector(markers, camera);
-  const Sheet sheet = sheet_of(markers, 0, 1.5);
-  const Sheet board = aruco_board_sheet(kSide);
+  const Stage stage = stage_of(sheet_of(markers, 0, 1.5));
+  const Stage board = stage_of(aruco_board_sheet(kSide));
 
   std::vector<double> times;
   std::array<std::vector<double>, 6> truths;
@@ -155,7 +155,7 @@ Json HandHeld::run(Extent extent, int item) const {
   for (int frame = 0; frame < frames(extent); ++frame) {
     const double t = begin + frame / kFrameRate;
     const Eigen::Isometry3d truth = hand(t);
-    const Image image = studio.shoot(sheet, hand, t, random());
+    const Image image = studio.shoot(stage, hand, t, random());
     const std::vector<Detection> detections = detector.detect(image.view());
     const Image other = studio.shoot(board, hand, t, random());
     const double side_px = kNearFocal * kSide / truth.translation().z();
@@ -199,8 +199,8 @@ std::vector<Vector6d> rows_of(const Json& columns) {
   return rows;
 }
 
-/// Figure 6: a piece of the movement as HArCo and as the board see it.
-std::string series_of(const Json& result) {
+/// Figure 6: a piece of the movement as HArCo and as the board see it, or how far they are off.
+std::string series_of(const Json& result, bool off) {
   const std::vector<double> times = numbers(result.at("time_s"));
   const std::vector<Vector6d> truth = rows_of(result.at("truth"));
   std::vector<Plot> plots;
@@ -212,12 +212,13 @@ std::string series_of(const Json& result) {
     plot.height = 230;
     plot.title = kCoordinates[k].name;
     plot.x_label = "time, s";
-    plot.y_label = position ? "cm" : "rad";
+    plot.y_label = off ? (position ? "error, mm" : "error, mrad") : (position ? "cm" : "rad");
     for (const Method method : {Method::averaged, Method::aligned}) {
       Series series{info(method).name, info(method).colour, Mark::line, times, {}};
       const std::vector<Vector6d> errors = rows_of(result.at(info(method).key));
       for (std::size_t i = 0; i < times.size(); ++i)
-        series.y.push_back((truth[i][index] + errors[i][index]) * (position ? 100.0 : 1.0));
+        series.y.push_back((errors[i][index] + (off ? 0.0 : truth[i][index])) *
+                           (position ? (off ? 1000.0 : 100.0) : (off ? 1000.0 : 1.0)));
       plot.series.push_back(series);
     }
     plots.push_back(plot);
@@ -294,7 +295,8 @@ Chapter HandHeld::summarise(Extent, const std::vector<Json>& results) const {
           frames, kHeights.low, kHeights.high)},
       table,
       Figure{"Figure 6 of the paper: a piece of the movement as both see it.",
-             series_of(results.front())},
+             series_of(results.front(), false)},
+      Figure{"The same piece: their errors.", series_of(results.front(), true)},
       Figure{"Figure 7 of the paper, for both markers and against the truth.",
              draw_grid(plots, 2)}};
   if (const Json& pictures = results.front().at("pictures"); !pictures.empty()) {

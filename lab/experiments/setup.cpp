@@ -4,6 +4,7 @@
 #include <ctime>
 #include <limits>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <numbers>
 #include <utility>
@@ -17,14 +18,40 @@ namespace harco::lab {
 
 Camera paper_camera(double focal_px) { return Camera::pinhole(750, 480, focal_px); }
 
-Studio::Studio(double focal_px) : camera_(paper_camera(focal_px)) {}
+CameraEffects paper_effects() {
+  CameraEffects effects;
+  effects.exposure_s = 0.004;
+  return effects;
+}
 
-Image Studio::shoot(const Sheet& sheet, const Motion& camera_T_marker, double time_s,
+Stage stage_of(const Sheet& sheet) {
+  return stage_of(std::vector<Sheet>{sheet}, {Eigen::Isometry3d::Identity()});
+}
+
+Stage stage_of(const std::vector<Sheet>& sheets,
+               const std::vector<Eigen::Isometry3d>& world_T_sheet) {
+  constexpr double kPixelsASide = 200.0;  // of the ground's picture
+  static const auto ground = std::make_shared<const Photo>(made_up_ground(512, 110.0, 30.0, 1));
+  Stage stage;
+  Surface surface;
+  surface.photo = ground;
+  surface.metres_per_pixel = sheets.front().ink.square.width() / kPixelsASide;
+  stage.surfaces.push_back(surface);
+  for (std::size_t i = 0; i < sheets.size(); ++i) {
+    StagedSheet staged;
+    staged.sheet = sheets[i];
+    staged.world_T_marker = still(world_T_sheet[i]);
+    stage.sheets.push_back(staged);
+  }
+  return stage;
+}
+
+Image Studio::shoot(const Stage& stage, const Motion& camera_T_world, double time_s,
                     std::uint64_t seed) const {
-  Scene scene;
-  scene.camera = camera_;
-  scene.parents = {{0, camera_T_marker(time_s)}};
-  return render(scene, std::vector<Sheet>{sheet}, seed);
+  const Motion world_T_camera = [&](double t) -> Eigen::Isometry3d {
+    return camera_T_world(t).inverse();
+  };
+  return camera_.shoot(stage, world_T_camera, time_s, seed).image;
 }
 
 MarkerSet paper_markers(int layers, double side_m, int parents) {

@@ -3,7 +3,6 @@
 
 #include <array>
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <random>
 #include <string>
@@ -17,6 +16,7 @@
 #include "harco/image.hpp"
 #include "harco/marker.hpp"
 #include "harco/pose.hpp"
+#include "lab/camera_simulator.hpp"
 #include "lab/experiments/experiment.hpp"
 #include "lab/render.hpp"
 
@@ -35,21 +35,27 @@ constexpr double kNearFocal = 1310.0;
 constexpr double kFrameRate = 30.0;
 Camera paper_camera(double focal_px);
 
-/// A pose over time.
-using Motion = std::function<Eigen::Isometry3d(double time_s)>;
+/// Exposed for 4 ms, with the blur and the noise of a small camera in daylight (CameraEffects).
+CameraEffects paper_effects();
 
-/// A sheet alone before the paper's camera.
+/// Sheets on a ground with patches and grains of all sizes, about as coarse as they are large. The
+/// world's frame is the marker frame of the first sheet.
+Stage stage_of(const Sheet& sheet);
+Stage stage_of(const std::vector<Sheet>& sheets,
+               const std::vector<Eigen::Isometry3d>& world_T_sheet);
+
+/// A stage before the paper's camera, moving.
 class Studio {
  public:
-  explicit Studio(double focal_px);
-  const Camera& camera() const { return camera_; }
+  explicit Studio(double focal_px) : camera_(paper_camera(focal_px), paper_effects()) {}
+  const Camera& camera() const { return camera_.camera(); }
 
-  /// The picture at `time_s`; `seed` is that of its noise.
-  Image shoot(const Sheet& sheet, const Motion& camera_T_marker, double time_s,
+  /// The picture at `time_s`, the middle of its exposure; `seed` is that of its noise.
+  Image shoot(const Stage& stage, const Motion& camera_T_world, double time_s,
               std::uint64_t seed) const;
 
  private:
-  Camera camera_;
+  CameraSimulator camera_;
 };
 
 /// The transition area of sections 4.1 and 4.3, metres of height above a marker of 0.2 m.

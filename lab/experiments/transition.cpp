@@ -96,9 +96,9 @@ class Transition final : public Experiment {
     const Camera& camera = studio.camera();
     const MarkerSet markers = paper_markers(2, kSide);
     Detector detector(markers, camera);
-    const Sheet sheet = sheet_of(markers, 0, 1.5);
-    const Sheet aruco_large = aruco_sheet(kSide);
-    const Sheet aruco_small = aruco_sheet(kChildSide);
+    const Stage stage = stage_of(sheet_of(markers, 0, 1.5));
+    const Stage aruco_large = stage_of(aruco_sheet(kSide));
+    const Stage aruco_small = stage_of(aruco_sheet(kChildSide));
     // The small ArUco marker lies where the marker's middle child does.
     const Eigen::Translation3d marker_T_small(0.5 * (kSide - kChildSide),
                                               0.5 * (kSide - kChildSide), 0.0);
@@ -109,7 +109,7 @@ class Transition final : public Experiment {
       const Motion motion = [&](double time) { return sweep.camera_T_marker(time); };
       const Motion small_motion = [&](double time) { return motion(time) * marker_T_small; };
       const double height = sweep.height(t);
-      const Image image = studio.shoot(sheet, motion, t, random());
+      const Image image = studio.shoot(stage, motion, t, random());
       const std::vector<Detection> detections = detector.detect(image.view());
       heights.push_back(height);
       layers.push_back(layers_seen(detections));
@@ -117,7 +117,7 @@ class Transition final : public Experiment {
         to.push_back(static_cast<double>(seen));
       };
       note(harco, judged(pose_by(Fusion::joint, image, detections, markers, camera), motion(t)));
-      const auto aruco_seen = [&](const Sheet& print, const Motion& moves, double side) {
+      const auto aruco_seen = [&](const Stage& print, const Motion& moves, double side) {
         const Image other = studio.shoot(print, moves, t, random());
         return judged(aruco_pose(other, camera, side, kNearFocal * side / height), moves(t));
       };
@@ -191,7 +191,7 @@ Chapter Transition::summarise(Extent, const std::vector<Json>& results) const {
   lost.title = "Lost frames over height";
   lost.x_label = "height, m";
   lost.y_label = "frames without a pose, %";
-  lost.y_range = {-2.0, 102.0};
+  lost.y_range = {-3.0, 116.0};
   lost.bands = {band};
   lost.series = {series("ArUco, 0.2 m", palette::kBaseline, Mark::line, &Bin::aruco_lost),
                  series("ArUco, a child's size", palette::kBaseline2, Mark::line, &Bin::small_lost),

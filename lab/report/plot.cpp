@@ -52,7 +52,7 @@ class Axis {
       if (round * decade >= rough) step = round * decade;
     std::vector<double> ticks;
     for (double k = std::ceil(range_.low / step - 1e-9); k * step <= range_.high + 1e-9 * step; ++k)
-      ticks.push_back(k * step);
+      ticks.push_back(k == 0.0 ? 0.0 : k * step);  // never -0
     return ticks;
   }
 
