@@ -48,7 +48,8 @@ double board_marker_side(double side_m) { return side_m / (kBoardRow + (kBoardRo
 Eigen::Vector2d board_origin(int id, double side_m) {
   const int place = id < kBoardMarkers / 2 ? id : id + 1;
   const double pitch = board_marker_side(side_m) * (1.0 + kGap);
-  return {pitch * (place % kBoardRow), pitch * (place / kBoardRow)};
+  const int row = place / kBoardRow, column = place % kBoardRow;
+  return {pitch * column, pitch * row};
 }
 
 cv::Ptr<cv::aruco::Board> board_of(double side_m) {

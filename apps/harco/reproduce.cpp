@@ -74,7 +74,7 @@ std::vector<const Experiment*> chosen(const std::vector<std::string>& names) {
   for (const Experiment* one : all) known += (known.empty() ? "" : ", ") + one->name();
   for (const std::string& name : names)
     if (std::none_of(all.begin(), all.end(), [&](auto* one) { return one->name() == name; }))
-      throw std::invalid_argument("no experiment " + name + "; there are " + known);
+      throw std::invalid_argument(fmt::format("no experiment {}; there are {}", name, known));
   std::erase_if(all, [&](const Experiment* one) {
     return std::find(names.begin(), names.end(), one->name()) == names.end();
   });

@@ -27,10 +27,10 @@ struct ItemResult {
 /// Its line, without the line's end.
 std::string format_result(const ItemResult& result);
 
-/// All lines of a file, or of all results*.jsonl of a folder in the order of their names. What an
+/// All lines of the file, or of all results*.jsonl of a folder in the order of their names. What an
 /// interruption left of a last line is skipped. Throws Error, naming file and line, for anything
 /// else that is no result.
-std::vector<ItemResult> read_results(const std::filesystem::path& file_or_folder);
+std::vector<ItemResult> read_results(const std::filesystem::path& path);
 
 /// A file that grows line by line; several threads may append. Throws Error.
 class ResultFile {

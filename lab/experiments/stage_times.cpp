@@ -41,8 +41,8 @@ struct Wall {
     std::shuffle(places.begin(), places.end(), random);
     int aruco = 0;
     for (std::size_t i = 0; i < places.size(); ++i) {
-      const Eigen::Vector3d middle(kPitch * (places[i] % kRow - 1), kPitch * (places[i] / kRow - 1),
-                                   0.0);
+      const int row = places[i] / kRow, column = places[i] % kRow;
+      const Eigen::Vector3d middle(kPitch * (column - 1), kPitch * (row - 1), 0.0);
       if (i < markers.parents.size()) {
         add(middle, sheet_of(markers, static_cast<int>(i)), kSide);
         continue;
