@@ -53,6 +53,7 @@ struct DetectOptions {
   std::tuple<int, int, int> memory{3, 3, 10};  ///< a, b, c of the paper's rule
   double time_constant_s = 0.1;
   double frame_rate = 0.0;
+  bool live = false;
   int jobs = 1;
 };
 
@@ -88,6 +89,7 @@ class Observer {
     result.frame = finished.frame.number;
     result.source = finished.frame.source;
     result.timestamp_s = finished.frame.timestamp_s;
+    result.dropped = finished.frame.dropped;
     result.error = finished.frame.error;
     if (!result.error.empty()) return finished;
 
@@ -168,16 +170,18 @@ class Observer {
 class Report {
  public:
   Report(const DetectOptions& options, const Frames& frames)
-      : csv_(options.format == "csv"), output_(options.output, frames.live()) {
-    if (!options.csv_file.empty()) csv_file_.emplace(options.csv_file, frames.live());
+      : live_(frames.live()), csv_(options.format == "csv"), output_(options.output, live_) {
+    if (!options.csv_file.empty()) csv_file_.emplace(options.csv_file, live_);
     if (!options.annotate.empty())
       annotations_.emplace(options.annotate, frames.count() == std::size_t{1});
   }
 
   void add(const Finished& finished) {
     if (!finished.result.error.empty()) ++failed_;
-    // A failure that stays alone is bad input and leaves no output: wait for what follows.
-    if (count_++ == 0 && failed_ == 1) {
+    // A failure that stays alone is bad input and leaves no output: wait for what follows. A stream
+    // that gives unfitting pictures goes on, and somebody reads along.
+    const bool goes_on = live_ && finished.result.width > 0;
+    if (count_++ == 0 && failed_ == 1 && !goes_on) {
       first_failure_ = finished.result;
       return;
     }
@@ -218,6 +222,7 @@ class Report {
     first_failure_.reset();
   }
 
+  bool live_;
   bool csv_;
   OutputStream output_;
   std::optional<OutputStream> csv_file_;
@@ -255,31 +260,36 @@ void run(DetectOptions options) {
 
   std::vector<Observer> observers;
   for (int i = 0; i < jobs; ++i) observers.emplace_back(options, markers, camera);
-  Frames frames(options.sources, options.frame_rate, Observer::needs_colour(options));
+  const InterruptGuard interrupt;
+  Frames frames(options.sources,
+                {options.frame_rate, Observer::needs_colour(options), options.live},
+                interrupt.signal());
   Report report(options, frames);
   std::atomic<std::size_t> expected = 0;
   ProgressBar progress("harco detect");
-  const InterruptGuard interrupt;
 
   work_in_order(
       jobs,
       [&]() -> std::optional<Frame> {
-        if (interrupt.interrupted()) return std::nullopt;
         std::optional<Frame> frame = frames.next();
         expected = frames.count().value_or(0);  // a video says so once it is open
         return frame;
       },
       [&](std::size_t worker, Frame frame) { return observers[worker].look_at(std::move(frame)); },
-      [&](const Finished& finished) {
+      [&](Finished finished) {
         report.add(finished);
+        frames.recycle(std::move(finished.frame.picture));
         show_progress(progress, report.count(), expected);
       });
   if (report.finish() > 0) throw ExitStatus{kSomeFailed};
 }
 
 constexpr const char* kSourcesHelp =
-    "A picture, a folder of pictures, a video, camera:0 or /dev/video0, or pgm:PATH or pgm:- for "
-    "binary PGM images one after the other in a file, a named pipe or on standard input";
+    "A picture, a folder of pictures, a video; camera:0 or /dev/video0; rtsp://…, "
+    "rtp://HOST:PORT[?encoding=JPEG] (H264 if nothing is said), gst:PIPELINE of GStreamer; "
+    "pgm:PATH "
+    "or pgm:- for binary PGM images one after the other in a file, a named pipe or on standard "
+    "input";
 
 /// Breaks a description into lines that fit beside the options' names.
 std::string wrapped(const std::string& text) {
@@ -435,6 +445,10 @@ void add_detect(CLI::App& app) {
                   "all are taken at 0 s, with --track 30 a second"))
       ->check(CLI::Range(0.0, 1e6).description(""))
       ->type_name("HZ")
+      ->group(time);
+  verb->add_flag("--live", options->live,
+                 wrapped("Drop frames of a PGM stream for which there is no time, and open a named "
+                         "pipe again when it ends; cameras and network streams always do so"))
       ->group(time);
   verb->add_option(
           "--jobs", options->jobs,

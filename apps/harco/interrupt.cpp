@@ -1,16 +1,20 @@
 #include "interrupt.hpp"
 
+#include <atomic>
+
 namespace harco::cli {
 namespace {
 
-volatile std::sig_atomic_t g_interrupted = 0;
+std::atomic<const StopSignal*> g_signal = nullptr;
 
-extern "C" void note_interrupt(int /*signal*/) { g_interrupted = 1; }
+extern "C" void note_interrupt(int /*signal*/) {
+  if (const StopSignal* signal = g_signal) signal->raise();
+}
 
 }  // namespace
 
 InterruptGuard::InterruptGuard() {
-  g_interrupted = 0;
+  g_signal = &signal_;
   struct sigaction action {};
   action.sa_handler = note_interrupt;
   sigemptyset(&action.sa_mask);
@@ -18,8 +22,9 @@ InterruptGuard::InterruptGuard() {
   sigaction(SIGINT, &action, &before_);
 }
 
-InterruptGuard::~InterruptGuard() { sigaction(SIGINT, &before_, nullptr); }
-
-bool InterruptGuard::interrupted() const { return g_interrupted != 0; }
+InterruptGuard::~InterruptGuard() {
+  sigaction(SIGINT, &before_, nullptr);
+  g_signal = nullptr;
+}
 
 }  // namespace harco::cli

@@ -3,9 +3,12 @@
 
 #include <csignal>
 
+#include "stop_signal.hpp"
+
 namespace harco::cli {
 
-/// While one of these lives, the first Ctrl-C is only noted; a second one ends the program as ever.
+/// While one of these lives, the first Ctrl-C only raises its signal; a second one ends the program
+/// as ever. One at a time.
 class InterruptGuard {
  public:
   InterruptGuard();
@@ -14,9 +17,11 @@ class InterruptGuard {
   InterruptGuard& operator=(const InterruptGuard&) = delete;
 
   /// Whether Ctrl-C has been pressed since the guard was set.
-  bool interrupted() const;
+  bool interrupted() const { return signal_.raised(); }
+  const StopSignal& signal() const { return signal_; }
 
  private:
+  StopSignal signal_;
   struct sigaction before_ {};
 };
 

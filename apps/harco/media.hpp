@@ -55,10 +55,10 @@ struct Overlay {
 class VideoReader {
  public:
   virtual ~VideoReader() = default;
-  /// The next frame; false at the end.
+  /// The next frame, into the memory of the one before; false at the end.
   virtual bool read(Picture& picture, bool colour) = 0;
-  /// When the last frame was taken: seconds from the video's start; for a camera, since it was
-  /// opened.
+  /// When the last frame was taken: seconds from the video's start; for a camera, on the
+  /// monotonic clock.
   virtual double time_s() const = 0;
   virtual double frames_per_second() const = 0;  ///< 0 if unknown
   virtual long frame_count() const = 0;          ///< 0 if unknown; what the file says, else

@@ -40,17 +40,35 @@ cv::Mat view(const ColourImage& image) {
   return {image.height, image.width, CV_8UC3, const_cast<std::uint8_t*>(image.bgr.data())};
 }
 
-/// A frame as cameras and videos give it: 8 or 16 bits, one, three or four channels.
-Picture to_picture(cv::Mat frame, bool colour) {
+/// OpenCV's view of our memory, which it then writes to.
+cv::Mat view(Image& image, const cv::Size& size) {
+  image.width = size.width;
+  image.height = size.height;
+  image.pixels.resize(static_cast<std::size_t>(size.area()));
+  return {size, CV_8UC1, image.pixels.data()};
+}
+
+cv::Mat view(ColourImage& image, const cv::Size& size) {
+  image.width = size.width;
+  image.height = size.height;
+  image.bgr.resize(3 * static_cast<std::size_t>(size.area()));
+  return {size, CV_8UC3, image.bgr.data()};
+}
+
+/// A frame as cameras and videos give it (8 or 16 bits, one, three or four channels), into the
+/// memory of the picture before.
+void to_picture(cv::Mat frame, bool colour, Picture& picture) {
   if (frame.depth() == CV_16U) frame.convertTo(frame, CV_8U, 1.0 / 257.0);
-  cv::Mat grey = frame;
-  if (frame.channels() == 4) cv::cvtColor(frame, frame, cv::COLOR_BGRA2BGR);
-  if (frame.channels() == 3) cv::cvtColor(frame, grey, cv::COLOR_BGR2GRAY);
-  Picture picture;
-  picture.grey = to_image(grey);
-  if (colour)
-    picture.colour = frame.channels() == 3 ? to_colour_image(frame) : to_colour(picture.grey);
-  return picture;
+  cv::Mat grey = view(picture.grey, frame.size());
+  const int channels = frame.channels();
+  if (channels == 1) frame.copyTo(grey);
+  if (channels == 3) cv::cvtColor(frame, grey, cv::COLOR_BGR2GRAY);
+  if (channels == 4) cv::cvtColor(frame, grey, cv::COLOR_BGRA2GRAY);
+  if (!colour) return;
+  cv::Mat bgr = view(picture.colour, frame.size());
+  if (channels == 1) cv::cvtColor(frame, bgr, cv::COLOR_GRAY2BGR);
+  if (channels == 3) frame.copyTo(bgr);
+  if (channels == 4) cv::cvtColor(frame, bgr, cv::COLOR_BGRA2BGR);
 }
 
 class OpencvVideo : public VideoReader {
@@ -58,15 +76,13 @@ class OpencvVideo : public VideoReader {
   OpencvVideo(const cv::VideoCapture& capture, bool live)
       : capture_(capture),
         live_(live),
-        frames_per_second_(positive(capture_.get(cv::CAP_PROP_FPS))),
-        start_(std::chrono::steady_clock::now()) {}
+        frames_per_second_(positive(capture_.get(cv::CAP_PROP_FPS))) {}
 
   bool read(Picture& picture, bool colour) override {
-    cv::Mat frame;
-    if (!capture_.read(frame) || frame.empty()) return false;
-    time_s_ = live_ ? seconds_since_start() : time_in_file();
+    if (!capture_.read(frame_) || frame_.empty()) return false;
+    time_s_ = live_ ? time_taken() : time_in_file();
     ++frames_;
-    picture = to_picture(frame, colour);
+    to_picture(frame_, colour, picture);
     return true;
   }
 
@@ -79,8 +95,13 @@ class OpencvVideo : public VideoReader {
  private:
   static double positive(double value) { return std::isfinite(value) && value > 0.0 ? value : 0.0; }
 
-  double seconds_since_start() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  /// The driver's time stamp, where it is one of the monotonic clock; else now.
+  double time_taken() const {
+    constexpr double kOldest = 1.0;  // seconds
+    const double now =
+        std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+    const double stamp = positive(capture_.get(cv::CAP_PROP_POS_MSEC)) * 1e-3;
+    return stamp <= now && stamp > now - kOldest ? stamp : now;
   }
 
   /// The file's own time stamp; where it has none, the frame's number over the rate.
@@ -93,7 +114,7 @@ class OpencvVideo : public VideoReader {
   cv::VideoCapture capture_;
   bool live_;
   double frames_per_second_;
-  std::chrono::steady_clock::time_point start_;
+  cv::Mat frame_;  ///< its memory is used again
   long frames_ = 0;
   double time_s_ = 0.0;
 };
@@ -123,6 +144,8 @@ class OpencvMedia : public Media {
     // What goes wrong is said once, by us, not by the libraries below.
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
     setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);
+    // A camera that stands still is soon opened again; seconds.
+    setenv("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "2", /*overwrite=*/0);
     // The command's own threads share the work.
     cv::setNumThreads(1);
   }

@@ -50,7 +50,8 @@ PictureFile read_picture(const std::filesystem::path& file, bool colour) {
   PictureFile result;
   if (starts_with(bytes, "P5")) {
     PgmFrame frame;
-    PgmStream(file.string()).read(frame);
+    const StopSignal never;
+    PgmStream(file.string(), never).read(frame);
     result.timestamp_s = frame.timestamp_s;
     result.picture.grey = std::move(frame.image);
     if (colour) result.picture.colour = to_colour(result.picture.grey);

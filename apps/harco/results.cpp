@@ -177,6 +177,7 @@ std::string json_line(const FrameResult& result) {
   for (const Detection& detection : result.detections)
     line["markers"].push_back(marker_json(detection));
   for (const Pose& pose : result.poses) line["poses"].push_back(pose_json(pose));
+  if (result.dropped > 0) line["dropped"] = result.dropped;
   if (!result.error.empty()) line["error"] = result.error;
   // A file's name need not be UTF-8; what isn't is replaced.
   return line.dump(-1, ' ', false, Json::error_handler_t::replace) + '\n';

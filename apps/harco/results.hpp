@@ -14,6 +14,7 @@ struct FrameResult {
   std::size_t frame = 0;
   std::string source;
   double timestamp_s = 0.0;
+  std::size_t dropped = 0;    ///< frames just before it for which there was no time
   int width = 0, height = 0;  ///< 0 if the frame couldn't be read
   std::vector<Detection> detections;
   std::vector<Pose> poses;
