@@ -4,7 +4,7 @@ namespace harco::lab {
 
 const std::vector<const Experiment*>& experiments() {
   static const std::vector<const Experiment*> all{&transition(), &stage_times(), &hand_held(),
-                                                  &large_scale()};
+                                                  &landing(), &large_scale()};
   return all;
 }
 
