@@ -7,6 +7,8 @@ HARCO_MODULE_EXPORT void harco_lab_experiments(std::vector<const harco::lab::Exp
   out = harco::lab::experiments();
 }
 
-HARCO_MODULE_EXPORT void harco_lab_report(const harco::lab::Report& report, std::string& html) {
+HARCO_MODULE_EXPORT void harco_lab_report(const harco::lab::Report& report, std::string& html,
+                                          std::string& overview) {
   html = harco::lab::format_html(report);
+  overview = harco::lab::format_overview(report);
 }

@@ -84,6 +84,20 @@ TEST(Html, SummarisesFindings) {
   EXPECT_TRUE(has(html, "x &lt; y"));
 }
 
+TEST(Html, OverviewHasAPlotOfEachChapterThatHasOne) {
+  Report report;
+  report.sections.resize(3);
+  EXPECT_EQ(format_overview(report), "");
+  report.sections[0].chapter.overview = plot_of(Mark::line);
+  report.sections[2].chapter.overview = plot_of(Mark::dots);
+  report.sections[2].name = "4.6";
+  report.sections[2].chapter.overview->title = "Deck";
+  const std::string svg = format_overview(report);
+  EXPECT_TRUE(has(svg, "4.6 Deck"));
+  EXPECT_TRUE(has(svg, "translate(560 0)"));
+  EXPECT_FALSE(has(svg, "translate(0 270)"));
+}
+
 TEST(Picture, IsAJpegOfTheWidthAskedFor) {
   const Image image(64, 32, 100);
   const Picture picture = picture_of(image.view(), "label", {}, 32);

@@ -231,10 +231,12 @@ void write_report(const std::vector<Part>& parts, const ReproduceOptions& option
   if (options.quick) command += " --quick";
   const lab::Report report = report_on(parts, command);
   if (report.sections.empty()) throw Error("there is no result to report on");
-  std::string html;
-  lab_function<void(const lab::Report&, std::string&)>("harco_lab_report")(report, html);
+  std::string html, overview;
+  lab_function<void(const lab::Report&, std::string&, std::string&)>("harco_lab_report")(
+      report, html, overview);
   const fs::path file = options.out / "report.html";
   write_file(file, html);
+  if (!overview.empty()) write_file(options.out / "overview.svg", overview);
   print_findings(report);
   fmt::print("The report: {}\n", file.string());
 }

@@ -304,6 +304,7 @@ Chapter HandHeld::summarise(Extent, const std::vector<Json>& results) const {
     for (const Json& picture : pictures) strip.pictures.push_back(picture_from(picture));
     chapter.blocks.emplace_back(strip);
   }
+  chapter.overview = plots.front();
   return chapter;
 }
 

@@ -343,6 +343,7 @@ Chapter LargeScale::summarise(Extent, const std::vector<Json>& results) const {
     for (const Json& picture : pictures) strip.pictures.push_back(picture_from(picture));
     chapter.blocks.emplace_back(strip);
   }
+  chapter.overview = error;
   return chapter;
 }
 

@@ -106,7 +106,7 @@ class StageTimes final : public Experiment {
   std::string title() const override { return "Processing time"; }
 
   Json settings(Extent extent) const override {
-    return {{"revision", 1},
+    return {{"revision", 2},
             {"side_m", kSide},
             {"layers", 2},
             {"focal_px", kFarFocal},
@@ -335,6 +335,7 @@ Chapter StageTimes::summarise(Extent, const std::vector<Json>& results) const {
     for (const Json& picture : result.at("pictures"))
       strip.pictures.push_back(picture_from(picture));
   if (!strip.pictures.empty()) chapter.blocks.emplace_back(strip);
+  chapter.overview = plot;
   return chapter;
 }
 

@@ -240,6 +240,7 @@ Chapter Transition::summarise(Extent, const std::vector<Json>& results) const {
     for (const Json& picture : pictures) strip.pictures.push_back(picture_from(picture));
     chapter.blocks.emplace_back(strip);
   }
+  chapter.overview = lost;
   return chapter;
 }
 

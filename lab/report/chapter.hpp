@@ -7,6 +7,8 @@
 #include <variant>
 #include <vector>
 
+#include "lab/report/plot.hpp"
+
 namespace harco::lab {
 
 /// One line of the summary: what the paper reports, what was measured here, and with the paper's
@@ -52,7 +54,8 @@ using Block = std::variant<Paragraph, Table, Figure, Strip>;
 
 struct Chapter {
   std::vector<Finding> findings;
-  std::vector<Block> blocks;  ///< in the order of reading
+  std::vector<Block> blocks;                    ///< in the order of reading
+  std::optional<Plot> overview = std::nullopt;  ///< the one plot that says it all, if there is one
 };
 
 }  // namespace harco::lab

@@ -23,6 +23,8 @@ p.note { color: #777; } dl { display: grid; grid-template-columns: max-content a
 dt { color: #777; } dd { margin: 0; }
 )";
 
+constexpr int kOverviewWidth = 560, kOverviewHeight = 270;
+
 std::string cell(const std::string& text) { return fmt::format("<td>{}</td>", escaped(text)); }
 
 std::string verdict(const Finding& finding) {
@@ -93,6 +95,18 @@ std::string format(const ReportSection& section) {
 
 }  // namespace
 
+std::string format_overview(const Report& report) {
+  std::vector<Plot> plots;
+  for (const ReportSection& section : report.sections) {
+    if (!section.chapter.overview) continue;
+    plots.push_back(*section.chapter.overview);
+    plots.back().title = section.name + " " + plots.back().title;
+    plots.back().width = kOverviewWidth;
+    plots.back().height = kOverviewHeight;
+  }
+  return plots.empty() ? "" : draw_grid(plots, 2) + "\n";
+}
+
 std::string format_html(const Report& report) {
   std::string out = fmt::format(
       "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"/>\n<title>{0}</title>\n"
@@ -102,7 +116,7 @@ std::string format_html(const Report& report) {
          head({"section", "", "paper", "HArCo here", "baseline here", "goal", ""});
   for (const ReportSection& section : report.sections)
     out += rows_of(section.chapter, section.name);
-  out += "</table>\n";
+  out += "</table>\n<figure>" + format_overview(report) + "</figure>\n";
   for (const ReportSection& section : report.sections) out += format(section);
   out += "<h2>Machine and version</h2>\n<dl>\n";
   for (const auto& [name, value] : report.facts)

@@ -24,6 +24,9 @@ struct Report {
   std::vector<ReportSection> sections;
 };
 
+/// The overview plots of all chapters side by side, as an SVG file; empty if there are none.
+std::string format_overview(const Report& report);
+
 /// Well-formed as XML, too.
 std::string format_html(const Report& report);
 
