@@ -32,8 +32,8 @@ struct MethodInfo {
 constexpr std::array<MethodInfo, kMethods> kMethodInfo{
     {{"harco", "HArCo", palette::kHarco},
      {"harco_paper", "HArCo, paper's fusion", palette::kPaper},
-     {"board_averaged", "board of 24, averaged", palette::kBaseline},
-     {"board_joint", "board of 24, joint", palette::kBaseline2}}};
+     {"board_averaged", "board, averaged", palette::kBaseline},
+     {"board_joint", "board, joint", palette::kBaseline2}}};
 const MethodInfo& info(Method method) { return kMethodInfo[static_cast<std::size_t>(method)]; }
 
 /// The six coordinates, and the paper's RMSE in them.

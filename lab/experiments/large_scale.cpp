@@ -37,7 +37,7 @@ struct MethodInfo {
 constexpr std::array<MethodInfo, kMethods> kMethodInfo{
     {{"harco", "HArCo", palette::kHarco},
      {"harco_paper", "HArCo, paper's fusion", palette::kPaper},
-     {"board_joint", "board of 24 ArUco markers", palette::kBaseline2}}};
+     {"board_joint", "board of ArUco markers, joint", palette::kBaseline2}}};
 
 /// Out along one side of a triangle, across at 32 m, back along the other side; always with an eye
 /// on the marker's middle.

@@ -303,9 +303,9 @@ Chapter StageTimes::summarise(Extent, const std::vector<Json>& results) const {
   };
   plot.series = {
       dots("#b9cfe8", all),
-      over_markers("covered markers too, aligned", palette::kHarco, frames.seen, all),
-      over_markers("whole markers, paper's fusion", palette::kPaper, frames.seen, as_paper),
-      over_markers("ArUco of OpenCV, same frames", palette::kBaseline, frames.seen, frames.aruco)};
+      over_markers("HArCo, covered ones too, aligned", palette::kHarco, frames.seen, all),
+      over_markers("HArCo, whole ones, paper's fusion", palette::kPaper, frames.seen, as_paper),
+      over_markers("OpenCV's ArUco", palette::kBaseline, frames.seen, frames.aruco)};
 
   chapter.blocks = {
       Paragraph{fmt::format(

@@ -13,7 +13,7 @@ namespace harco::lab {
 namespace {
 
 constexpr double kLeft = 64.0, kRight = 16.0, kTop = 44.0, kBottom = 46.0;
-constexpr double kLetter = 6.3;    // mean width of a letter in the legend, px
+constexpr double kLetter = 5.8;    // mean width of a letter in the legend, px
 constexpr double kTickSpace = 75;  // px that a tick of the x axis wants
 
 /// Values to pixels along one axis.
@@ -248,7 +248,7 @@ class Drawing {
                                one.mark == Mark::bars ? 8 : 3,
                                one.mark == Mark::dashed ? R"( stroke-dasharray="6 4")" : ""));
       out_ += text(x + 23, 35, one.name, "start");
-      x += 40.0 + kLetter * static_cast<double>(one.name.size());
+      x += 36.0 + kLetter * static_cast<double>(one.name.size());
     }
   }
 
