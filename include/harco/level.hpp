@@ -21,6 +21,9 @@ struct LevelOptions {
   double step_s = 0.1;  ///< between the times looked at, positive; also the windows' resolution
   int draws = 2000;     ///< even, at least 100; a probability of 0.95 is then known to 0.005
   int seed = 0;         ///< the same seed draws the same courses
+  /// Standard deviation of an error of roll and pitch that lasts, radians, not negative: of the
+  /// attitude sensor's bias and the camera's mount. A forecast can't see it in its samples.
+  double tilt_sd_rad = 0.0;
 };
 
 /// A time in which the deck is level throughout.

@@ -85,12 +85,16 @@ PlannedApproach::PlannedApproach(const TouchdownOptions& landing, const DeckOpti
     : planner_(landing), model_(deck), give_up_s_(give_up_s) {}
 
 void PlannedApproach::update(double now_s, double height_m, double climb_mps, bool sees_deck) {
-  constexpr double kThink_s = 1.0;  // also without a new forecast
+  constexpr double kThink_s = 2.0;  // also without a new forecast
   const bool anew = model_.update();
   if (!anew && now_s - thought_s_ < kThink_s) return;
   thought_s_ = now_s;
   const bool trusted = sees_deck && model_.phase() == DeckPhase::ready;
   planner_.update(now_s, height_m, climb_mps, trusted ? &*model_.forecast() : nullptr);
+  if (trusted && !kept_ && now_s >= keep_s_) kept_ = model_.forecast();
+  const auto& plan = planner_.plan();
+  if (plan && (chosen_.empty() || plan->window.begin_s > chosen_.back().end_s))
+    chosen_.push_back(plan->window);
 }
 
 HeightCommand PlannedApproach::command(double now_s) const { return planner_.command(now_s); }
@@ -157,6 +161,7 @@ FlightLog fly(const FlightSetup& setup, const VisionSetup& vision, const Modelle
                                 seeds())
                  : model->look(camera(now_s).inverse() * deck(now_s) * deck_T_marker, seeds());
       ++log.frames;
+      if (setup.on_frame && !setup.on_frame(sight, now_s)) break;
       layers = sight.layers;
       if (sight.pose && sight.pose->covariance) {
         squares += normalised_error(sight);

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -94,13 +95,20 @@ class PlannedApproach final : public Approach {
   bool gave_up(double now_s) const override;
 
   const TouchdownPlanner& planner() const { return planner_; }
-  const DeckModel& model() const { return model_; }
+  /// Every window that was chosen, as it was when it was.
+  const std::vector<LevelWindow>& chosen() const { return chosen_; }
+  /// The first forecast to be trusted that was made at this time or later.
+  void keep_forecast_of(double time_s) { keep_s_ = time_s; }
+  const std::optional<DeckForecast>& kept() const { return kept_; }
 
  private:
   TouchdownPlanner planner_;
   DeckModel model_;
   double give_up_s_;
-  double thought_s_ = -1.0;
+  double thought_s_ = -std::numeric_limits<double>::infinity();
+  std::vector<LevelWindow> chosen_;
+  double keep_s_ = std::numeric_limits<double>::infinity();
+  std::optional<DeckForecast> kept_;
 };
 
 /// What is flown.
@@ -117,6 +125,8 @@ struct FlightSetup {
   double latency_s = 0.05;         ///< from the middle of an exposure until its pose is known
   bool knows_height = false;       ///< whether samples of the deck take the autopilot's height
   std::vector<double> pictures_s;  ///< times of pictures to keep
+  /// Sees every picture; false ends the flight.
+  std::function<bool(const Sight&, double time_s)> on_frame;
 };
 
 /// One moment of a flight.

@@ -26,6 +26,7 @@ struct Belief {
 struct AxisForecast::Knowledge {
   std::vector<Belief> beliefs;  ///< weights sum to one; the first is the greatest
   double noise_scale;
+  double span_s;  ///< of the samples
 };
 
 namespace {
@@ -37,6 +38,8 @@ constexpr double kFadeRates[] = {0.0,      1 / 200., 1 / 100., 1 / 50., 1 / 30.,
                                  1 / 14.0, 1 / 10.0, 1 / 7.0,  1 / 5.0, 1 / 3.0, 1 / 2.0};
 // Held-back samples are worth one independent trial each so many seconds: errors of forecasts last.
 constexpr double kTrialEvery_s = 7.0;
+constexpr double kLeastFreedom = 5.0;
+constexpr double kMuchFreedom = 50.0;  // with which a t distribution is as good as normal
 constexpr double kLeastWeight = 0.03;  // over the greatest
 constexpr std::size_t kMostBeliefs = 6;
 constexpr int kTrialSamples = 600;
@@ -174,6 +177,17 @@ Wander::State filtered(const Wander& wander, const std::vector<SeriesSample>& sa
 
 }  // namespace
 
+namespace {
+
+/// A sea's variance is known from few waves: each independent stretch of the samples tells an
+/// amplitude and a phase. The less amplitudes wander within the samples, the less that matters.
+double freedom_of(const Belief& belief, double span_s) {
+  const double wandered = 1.0 - std::exp(-belief.wander.fade_rate() * span_s);
+  return std::max(kLeastFreedom, 2.0 * span_s / kTrialEvery_s / std::max(1e-9, wandered));
+}
+
+}  // namespace
+
 AxisForecast::AxisForecast(std::shared_ptr<const Knowledge> knowledge)
     : knowledge_(std::move(knowledge)) {}
 
@@ -189,6 +203,7 @@ AxisForecast AxisForecast::learn(const std::vector<SeriesSample>& samples,
       fits.begin(), fits.end(), [](const auto& a, const auto& b) { return a.bic < b.bic; });
   auto knowledge = std::make_shared<Knowledge>();
   knowledge->noise_scale = noise;
+  knowledge->span_s = known.back().time_s - known.front().time_s;
   for (const Choice& choice :
        choose(thinned(known, kTrialSamples), likeliest->oscillation.order(), options)) {
     const OscillationFit& fit = fits[static_cast<std::size_t>(choice.order)];
@@ -205,6 +220,7 @@ AxisForecast AxisForecast::moved_to(const std::vector<SeriesSample>& samples,
   known = scaled(std::move(known), noise);
   auto knowledge = std::make_shared<Knowledge>();
   knowledge->noise_scale = noise;
+  knowledge->span_s = known.back().time_s - known.front().time_s;
   std::map<int, OscillationFit> fits;  // by order
   for (const Belief& belief : knowledge_->beliefs) {
     const Oscillation& start = belief.fit.oscillation;
@@ -231,7 +247,8 @@ void require_future(double as_of_s, double time_s) {
 using RowAt = Eigen::VectorXd (Wander::*)(double) const;
 
 /// Mean and standard deviation over all beliefs of what a row reads.
-std::pair<double, double> moments(const std::vector<Belief>& beliefs, double time_s, RowAt row_at) {
+std::pair<double, double> moments(const std::vector<Belief>& beliefs, double span_s, double time_s,
+                                  RowAt row_at) {
   double mean = 0.0;
   double square = 0.0;
   for (const Belief& belief : beliefs) {
@@ -239,8 +256,10 @@ std::pair<double, double> moments(const std::vector<Belief>& beliefs, double tim
     const double h = time_s - belief.state.time_s;
     const Eigen::VectorXd now = belief.wander.seen_before(row, h);
     const double value = now.dot(belief.state.mean);
-    const double variance = std::max(0.0, now.dot(belief.state.covariance * now)) +
-                            belief.wander.gained_variance(row, h);
+    const double freedom = freedom_of(belief, span_s);
+    const double variance = freedom / (freedom - 2.0) *
+                            (std::max(0.0, now.dot(belief.state.covariance * now)) +
+                             belief.wander.gained_variance(row, h));
     mean += belief.weight * value;
     square += belief.weight * (value * value + variance);
   }
@@ -252,8 +271,10 @@ std::pair<double, double> moments(const std::vector<Belief>& beliefs, double tim
 AxisState AxisForecast::at(double time_s) const {
   require_future(as_of_s(), time_s);
   AxisState then;
-  std::tie(then.value, then.value_sd) = moments(knowledge_->beliefs, time_s, &Wander::value_row);
-  std::tie(then.rate, then.rate_sd) = moments(knowledge_->beliefs, time_s, &Wander::rate_row);
+  std::tie(then.value, then.value_sd) =
+      moments(knowledge_->beliefs, knowledge_->span_s, time_s, &Wander::value_row);
+  std::tie(then.rate, then.rate_sd) =
+      moments(knowledge_->beliefs, knowledge_->span_s, time_s, &Wander::rate_row);
   return then;
 }
 
@@ -293,9 +314,22 @@ Eigen::MatrixXd root(const Eigen::MatrixXd& covariance) {
   return covariance.diagonal().cwiseMax(0.0).cwiseSqrt().asDiagonal();
 }
 
+/// Deviations become those of a t distribution, row by row: what a variance that isn't known for
+/// sure does to them. Rows whose deviations are opposite stay so.
+void widen(Eigen::MatrixXd& deviations, double freedom, std::mt19937_64& engine) {
+  const auto degrees = static_cast<Eigen::Index>(std::llround(freedom));
+  const Eigen::Index half = deviations.rows() / 2;
+  const Eigen::MatrixXd squares = normal_numbers(2 * half, degrees, engine).cwiseAbs2();
+  for (Eigen::Index row = 0; row < half; ++row) {
+    const double scale = std::sqrt(static_cast<double>(degrees) / squares.row(row).sum());
+    deviations.row(row) *= scale;
+    deviations.row(row + half) *= scale;
+  }
+}
+
 /// Courses, one a row, of what rows read at ascending times.
-Eigen::MatrixXd drawn(const Belief& belief, const std::vector<double>& times_s, RowAt row_at,
-                      Eigen::Index draws, std::mt19937_64& engine) {
+Eigen::MatrixXd drawn(const Belief& belief, double span_s, const std::vector<double>& times_s,
+                      RowAt row_at, Eigen::Index draws, std::mt19937_64& engine) {
   const Wander& wander = belief.wander;
   const auto size = static_cast<Eigen::Index>(times_s.size());
   std::vector<Eigen::VectorXd> rows;
@@ -316,14 +350,16 @@ Eigen::MatrixXd drawn(const Belief& belief, const std::vector<double>& times_s, 
     }
   }
   const Eigen::MatrixXd lower = root(covariance);
-  return (normal_numbers(draws, size, engine) * lower.triangularView<Eigen::Lower>().transpose())
-             .rowwise() +
-         mean;
+  Eigen::MatrixXd courses =
+      normal_numbers(draws, size, engine) * lower.triangularView<Eigen::Lower>().transpose();
+  if (const double freedom = freedom_of(belief, span_s); freedom < kMuchFreedom)
+    widen(courses, freedom, engine);
+  return courses.rowwise() + mean;
 }
 
 /// Courses of all beliefs, as many of each as its weight asks for.
-Eigen::MatrixXd drawn(const std::vector<Belief>& beliefs, const std::vector<double>& times_s,
-                      RowAt row_at, int draws, int seed) {
+Eigen::MatrixXd drawn(const std::vector<Belief>& beliefs, double span_s,
+                      const std::vector<double>& times_s, RowAt row_at, int draws, int seed) {
   if (draws < 1) throw std::invalid_argument("deck forecast: draws must be positive");
   double last_s = beliefs.front().state.time_s;
   for (double time_s : times_s) {
@@ -339,7 +375,8 @@ Eigen::MatrixXd drawn(const std::vector<Belief>& beliefs, const std::vector<doub
     const bool last = &belief == &beliefs.back();
     const Eigen::Index until = last ? draws : std::llround(weight * draws);
     if (until == done) continue;
-    courses.middleRows(done, until - done) = drawn(belief, times_s, row_at, until - done, engine);
+    courses.middleRows(done, until - done) =
+        drawn(belief, span_s, times_s, row_at, until - done, engine);
     done = until;
   }
   // Axes are combined row by row: which belief a row comes from must not be the same for all.
@@ -354,12 +391,12 @@ Eigen::MatrixXd drawn(const std::vector<Belief>& beliefs, const std::vector<doub
 
 Eigen::MatrixXd AxisForecast::draw_values(const std::vector<double>& times_s, int draws,
                                           int seed) const {
-  return drawn(knowledge_->beliefs, times_s, &Wander::value_row, draws, seed);
+  return drawn(knowledge_->beliefs, knowledge_->span_s, times_s, &Wander::value_row, draws, seed);
 }
 
 Eigen::MatrixXd AxisForecast::draw_rates(const std::vector<double>& times_s, int draws,
                                          int seed) const {
-  return drawn(knowledge_->beliefs, times_s, &Wander::rate_row, draws, seed);
+  return drawn(knowledge_->beliefs, knowledge_->span_s, times_s, &Wander::rate_row, draws, seed);
 }
 
 }  // namespace harco

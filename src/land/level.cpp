@@ -24,6 +24,8 @@ void check(const DeckForecast& forecast, const LevelLimits& limits, double from_
   require(limits.pitch_rad > 0.0, "pitch_rad must be positive");
   require(limits.heave_rate_mps > 0.0, "heave_rate_mps must be positive");
   require(options.step_s > 0.0 && std::isfinite(options.step_s), "step_s must be positive");
+  require(options.tilt_sd_rad >= 0.0 && std::isfinite(options.tilt_sd_rad),
+          "tilt_sd_rad must not be negative");
   require(options.draws >= kLeastDraws && options.draws % 2 == 0,
           "draws must be even and at least 100");
   require(std::isfinite(from_s) && std::isfinite(to_s) && from_s <= to_s,
