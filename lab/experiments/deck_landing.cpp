@@ -22,7 +22,7 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double kFrames = 10.0;  // pictures a second
 
 // On the platform.
-constexpr double kPlatformLevel = 4.0 * kDegree;
+constexpr double kPlatformLevel = 5.0 * kDegree;
 constexpr double kHover_m = 3.0;
 constexpr double kDescent = 0.5;  // metres a second, as the paper's linear trajectory
 
@@ -93,7 +93,6 @@ PlatformPlan platform_plan(Extent extent) {
   plan.deck.refit_s = 5.0;
   plan.deck.max_samples = 600;
   plan.deck.oscillation.max_order = 3;
-  plan.ahead_s = 25.0;
   if (extent == Extent::tiny) {
     plan.predict_s = 20.0;
     plan.deck.fit_s = 12.0;
@@ -136,7 +135,7 @@ Json run_platform(Extent extent, int index, std::mt19937_64& random) {
   setup.frame_rate = kFrames;
   const PlatformPlan plan = platform_plan(extent);
   const bool lands = index < amounts(extent).landings;
-  if (!lands) setup.limit_s = plan.predict_s + 6.0;
+  if (!lands) setup.limit_s = plan.predict_s + 7.0;  // a forecast or two
   for (int i = 0; i < 9; ++i) setup.pictures_s.push_back(plan.predict_s + 3.0 * i);
   PlatformApproach approach(plan);
   const VisionSetup vision = landing_setup(markers(), true);

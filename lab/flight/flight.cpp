@@ -52,10 +52,9 @@ HeightCommand LinearApproach::command(double now_s) const {
 PlatformApproach::PlatformApproach(const PlatformPlan& plan) : plan_(plan), model_(plan.deck) {}
 
 void PlatformApproach::update(double now_s, double height_m, double /*climb_mps*/, bool sees_deck) {
-  if (!predicted_) {
-    model_.update();
-    if (now_s < plan_.predict_s || model_.phase() != DeckPhase::ready) return;
-    predicted_ = true;
+  if (!chosen_) {
+    const bool anew = model_.update();
+    if (!anew || now_s < plan_.predict_s || model_.phase() != DeckPhase::ready) return;
     forecast_ = model_.forecast();
     validation_ = model_.validation();
     const double from_s = now_s + 0.5;
@@ -64,7 +63,7 @@ void PlatformApproach::update(double now_s, double height_m, double /*climb_mps*
     if (windows_.size() >= 3) chosen_ = windows_[2];
     return;
   }
-  if (!chosen_ || descent_ || !sees_deck) return;
+  if (descent_ || !sees_deck) return;
   const LinearDescent planned =
       LinearDescent::to_touch_at(chosen_->middle_s(), height_m, plan_.speed_mps);
   if (now_s < planned.start_s) return;
@@ -77,7 +76,7 @@ HeightCommand PlatformApproach::command(double now_s) const {
 }
 
 bool PlatformApproach::gave_up(double now_s) const {
-  return predicted_ ? !chosen_ : now_s > plan_.predict_s + 40.0;
+  return !chosen_ && now_s > plan_.predict_s + 40.0;
 }
 
 PlannedApproach::PlannedApproach(const TouchdownOptions& landing, const DeckOptions& deck,

@@ -47,13 +47,13 @@ class LinearApproach final : public Approach {
   std::optional<LinearDescent> descent_;
 };
 
-/// Section 4.6: hovers for `fit_s` of fitting and then of validation, predicts level periods, and
-/// comes down linearly to the middle of the third.
+/// Section 4.6: hovers while the deck is fitted and validated, predicts level periods, and comes
+/// down linearly to the middle of the third.
 struct PlatformPlan {
   double hover_m = 3.0;     ///< feet over the deck
-  double predict_s = 45.0;  ///< when the level periods are predicted
+  double predict_s = 45.0;  ///< from when on level periods are predicted, until there are three
   double speed_mps = 0.5;   ///< of the descent
-  double ahead_s = 30.0;    ///< periods are sought for so long
+  double ahead_s = 40.0;    ///< periods are sought for so long
   LevelLimits level;
   WindowOptions windows;
   DeckOptions deck;
@@ -76,7 +76,6 @@ class PlatformApproach final : public Approach {
  private:
   PlatformPlan plan_;
   DeckModel model_;
-  bool predicted_ = false;
   std::vector<LevelWindow> windows_;
   std::optional<LevelWindow> chosen_;
   std::optional<DeckForecast> forecast_;

@@ -22,6 +22,7 @@ constexpr double kGravity = 9.81;
 constexpr double kDeckMass = 1e6;  // contacts don't move it
 constexpr double kArm_m = 0.23;    // of a rotor along x and along y
 constexpr double kYawByThrust_m = 0.016;
+constexpr double kSmooth_s = 5.0;  // in which the barometer's drift is felt
 const Vector3d kInertia(0.045, 0.045, 0.075);
 
 struct DeleteModel {
@@ -144,7 +145,7 @@ struct World::Impl {
     thrusts.fill(weight / 4.0);
     attitude_bias = vehicle.attitude_bias_rad * Vector3d(draw(), draw(), 0.0);
     thrust_gain = 1.0 + vehicle.thrust_error * draw();
-    height_drift = vehicle.height_drift_m * draw();
+    height_drift = drift_goal = vehicle.height_drift_m * draw();
     start_height_m = -start.z();
     for (int i = 0; i < 3; ++i) data->qpos[3 + i] = start[i];
     data->qpos[6] = 1.0;
@@ -293,6 +294,7 @@ struct World::Impl {
   Vector3d attitude_bias = Vector3d::Zero();
   double thrust_gain = 1.0;
   double height_drift = 0.0;
+  double drift_goal = 0.0;  ///< which it follows, since accelerometers smooth it
   double start_height_m = 0.0;
   double trim = 0.0;
   Vector3d wanted = Vector3d::Zero();

@@ -39,7 +39,7 @@ constexpr double kFadeRates[] = {0.0,      1 / 200., 1 / 100., 1 / 50., 1 / 30.,
 // Held-back samples are worth one independent trial each so many seconds: errors of forecasts last.
 constexpr double kTrialEvery_s = 7.0;
 constexpr double kLeastFreedom = 5.0;
-constexpr double kMuchFreedom = 50.0;  // with which a t distribution is as good as normal
+constexpr double kMuchFreedom = 30.0;  // with which a t distribution is as good as normal
 constexpr double kLeastWeight = 0.03;  // over the greatest
 constexpr std::size_t kMostBeliefs = 6;
 constexpr int kTrialSamples = 600;
@@ -112,6 +112,20 @@ std::vector<SeriesSample> reversed(std::vector<SeriesSample> samples) {
   return samples;
 }
 
+/// Variance of samples about their mean, less that of their noise.
+double motion_variance(const std::vector<SeriesSample>& samples) {
+  double sum = 0.0;
+  double squares = 0.0;
+  double noise = 0.0;
+  for (const SeriesSample& sample : samples) sum += sample.value;
+  const auto count = static_cast<double>(samples.size());
+  for (const SeriesSample& sample : samples) {
+    squares += (sample.value - sum / count) * (sample.value - sum / count);
+    noise += sample.sd * sample.sd;
+  }
+  return std::max(0.0, (squares - noise) / count);
+}
+
 struct Choice {
   int order;
   double fade_rate;
@@ -147,10 +161,11 @@ std::vector<Choice> choose(const std::vector<SeriesSample>& samples, int most,
       const double held_back_s = all->back().time_s - (*all)[known - 1].time_s;
       const auto fits =
           fit_orders({all->begin(), all->begin() + static_cast<std::ptrdiff_t>(known)}, options);
+      const double motion = motion_variance(*all);
       for (Choice& choice : choices) {
         const auto order = std::min(static_cast<std::size_t>(choice.order), fits.size() - 1);
         choice.weight += held_back_s / kTrialEvery_s *
-                         foretold(Wander(fits[order], choice.fade_rate), *all, known);
+                         foretold(Wander(fits[order], choice.fade_rate, motion), *all, known);
       }
     }
   const double best =
@@ -207,7 +222,7 @@ AxisForecast AxisForecast::learn(const std::vector<SeriesSample>& samples,
   for (const Choice& choice :
        choose(thinned(known, kTrialSamples), likeliest->oscillation.order(), options)) {
     const OscillationFit& fit = fits[static_cast<std::size_t>(choice.order)];
-    const Wander wander(fit, choice.fade_rate);
+    const Wander wander(fit, choice.fade_rate, motion_variance(known));
     knowledge->beliefs.push_back({choice.weight, fit, wander, filtered(wander, known)});
   }
   return AxisForecast(std::move(knowledge));
@@ -226,7 +241,7 @@ AxisForecast AxisForecast::moved_to(const std::vector<SeriesSample>& samples,
     const Oscillation& start = belief.fit.oscillation;
     const auto [fit, missing] = fits.try_emplace(start.order());
     if (missing) fit->second = refit_oscillation(known, start, options);
-    const Wander wander(fit->second, belief.wander.fade_rate());
+    const Wander wander(fit->second, belief.wander.fade_rate(), motion_variance(known));
     knowledge->beliefs.push_back({belief.weight, fit->second, wander, filtered(wander, known)});
   }
   return AxisForecast(std::move(knowledge));

@@ -9,6 +9,7 @@ namespace {
 constexpr double kAlphaSd = 0.1;    // rad/s, how far the fit may be off before all samples
 constexpr double kMeanShare = 9.0;  // variance of the mean before all samples, over the motion's
 constexpr double kLeastVariance = 1e-18;
+constexpr double kMostSwell = 2.0;      // variance of sinusoids over the samples' own
 constexpr double kContradiction = 4.0;  // standard deviations
 
 }  // namespace
@@ -29,7 +30,7 @@ Wander::Step Wander::step(double h) const {
   return made;
 }
 
-Wander::Wander(const OscillationFit& fit, double fade_rate)
+Wander::Wander(const OscillationFit& fit, double fade_rate, double motion_variance)
     : base_(fit.oscillation), fade_rate_(fade_rate) {
   double explained = kLeastVariance;
   for (const Sinusoid& part : base_.parts) explained += 0.5 * part.amplitude * part.amplitude;
@@ -37,7 +38,8 @@ Wander::Wander(const OscillationFit& fit, double fade_rate)
   // samples look smaller to the fit than they are.
   const double noise = fit.rms / std::max(1.0, fit.scale);
   const double left_over = fit.rms * fit.rms - noise * noise;
-  swell_ = 1.0 + left_over / explained;
+  swell_ = std::min(1.0 + left_over / explained,
+                    kMostSwell * std::max(kLeastVariance, motion_variance) / explained);
   mean_variance_ = kMeanShare * (explained + fit.rms * fit.rms);
 }
 

@@ -22,7 +22,9 @@ class Wander {
     Eigen::MatrixXd covariance;
   };
 
-  Wander(const OscillationFit& fit, double fade_rate);
+  /// `motion_variance` is that of the samples without their noise: sinusoids of nearly one rate may
+  /// be fitted with large amplitudes that cancel, and never count for more than twice of it.
+  Wander(const OscillationFit& fit, double fade_rate, double motion_variance);
 
   double fade_rate() const { return fade_rate_; }
 
