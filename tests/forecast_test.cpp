@@ -123,6 +123,24 @@ TEST(AxisForecast, KnowsADeckThatLiesStill) {
   EXPECT_LT(then.value_sd, 0.002);
 }
 
+TEST(AxisForecast, ADriftIsNoGreatOscillation) {
+  // Fits of what wanders slowly may have large sinusoids that cancel within the samples.
+  for (int seed = 0; seed < 6; ++seed) {
+    std::mt19937_64 random(static_cast<std::uint64_t>(40 + seed));
+    std::normal_distribution<double> normal;
+    std::vector<SeriesSample> samples;
+    double drift = 0.0;
+    for (int i = 0; i < 225; ++i) {
+      drift += 0.005 * normal(random);
+      samples.push_back({0.2 * i, drift + 0.003 * normal(random), 0.003});
+    }
+    const AxisForecast forecast = AxisForecast::learn(samples, two_at_most());
+    const AxisState then = forecast.at(forecast.as_of_s() + 6.0);
+    EXPECT_LT(then.value_sd, 0.25) << seed;
+    EXPECT_LT(then.rate_sd, 0.25) << seed;
+  }
+}
+
 TEST(AxisForecast, RefusesTooFewSamples) {
   std::mt19937_64 random(10);
   const auto samples = samples_of(two_sinusoids(), 0.0, 1.0, 12.0, 0.003, random);
@@ -194,6 +212,23 @@ TEST(LevelWindows, RollPitchAndVerticalSpeedAllCount) {
   EXPECT_LT(probability(36.0, kAny, kAny, 0.05), 0.01);
   EXPECT_GT(probability(38.0, kAny, kAny, 0.05), 0.99);
   EXPECT_EQ(probability(38.0, kAny, kAny, kAny), 1.0);
+}
+
+TEST(LevelWindows, CountTiltsThatLast) {
+  std::mt19937_64 random(16);
+  Oscillation still;
+  still.mean = 0.02;
+  const DeckForecast forecast = only_roll(
+      AxisForecast::learn(samples_of(still, 0.0, 30.0, 10.0, 0.001, random), two_at_most()));
+  const auto probability = [&](double tilt_sd_rad) {
+    LevelOptions options;
+    options.tilt_sd_rad = tilt_sd_rad;
+    return level_probability(forecast, roll_within(0.05), 31.0, 32.0, options);
+  };
+  EXPECT_EQ(probability(0.0), 1.0);
+  // |0.02 + 0.03 z| < 0.05: Phi(1) - Phi(-7/3).
+  EXPECT_NEAR(probability(0.03), 0.8315, 0.025);
+  EXPECT_THROW(probability(-0.1), std::invalid_argument);
 }
 
 TEST(LevelWindows, ProbabilitiesAreFrequencies) {

@@ -215,10 +215,9 @@ SeaFlight sea_flight(int number, std::mt19937_64& random) {
 
 Json run_sea_flight(const SeaFlight& flight, const VisionSetup& vision,
                     const ModelledVision* model) {
-  constexpr double kAsk_s = 45.0;
   const TouchdownOptions landing = sea_landing();
   PlannedApproach approach(landing, sea_deck(), kGiveUp_s);
-  approach.keep_forecast_of(kAsk_s);
+  approach.keep_forecast_of(0.0);
   const FlightLog log = fly(flight.setup, vision, model, approach, flight.seed);
   Json json = to_json(log, false, false);
   json["state"] = flight.state;
@@ -228,7 +227,8 @@ Json run_sea_flight(const SeaFlight& flight, const VisionSetup& vision,
     json["chosen"].push_back(
         {window.probability,
          is_level(flight.setup.deck, landing.level, window.begin_s, window.end_s) ? 1 : 0});
-  // What the forecast says of some times to come, be they likely to be level or not.
+  // What the first forecast says of some times to come, be they likely to be level or not. Later
+  // ones are asked only where no window came up, and their average says nothing.
   json["asked"] = Json::array();
   if (approach.kept())
     for (const double ahead_s : {1.0, 3.0, 6.0, 10.0}) {
