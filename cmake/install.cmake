@@ -70,7 +70,7 @@ if(TARGET harco_command)
   set_target_properties(harco_command PROPERTIES INSTALL_RPATH $ORIGIN/${libraries_from_bin})
   install(TARGETS harco_command RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT command)
 endif()
-foreach(module harco_gstreamer harco_opencv harco_lab_module)
+foreach(module harco_gstreamer harco_opencv harco_lab_module harco_deck_module)
   if(TARGET ${module})
     set_target_properties(${module} PROPERTIES INSTALL_RPATH $ORIGIN/..)
     install(TARGETS ${module}

@@ -47,7 +47,7 @@ TEST(Sighting, CameraOffsetAndRotationLeadToTheBodyFrame) {
   // The marker's x axis is the image's right, thus the vehicle's: a quarter turn about down.
   EXPECT_NEAR(message.q[0], std::sqrt(0.5), 1e-6);
   EXPECT_NEAR(message.q[3], std::sqrt(0.5), 1e-6);
-  EXPECT_NEAR(message.size_x, 2.0 * std::atan(0.2 / message.distance), 1e-6);
+  EXPECT_NEAR(message.size_x, 2.0 * std::atan(0.2 / double{message.distance}), 1e-6);
 }
 
 TEST(Sighting, AnglesAreWhatArduPilotMakesADirectionOf) {

@@ -161,23 +161,6 @@ TEST(Profile, RefusesBadInput) {
 
 // --------------------------------------------------------------------------------------- planner
 
-/// A deck that rolls by one sinusoid of 0.1 rad and 8 s, level (0.05 rad) about every zero
-/// crossing; learnt from 20 s that end at time 0. `ahead_s`: it runs so much earlier.
-DeckForecast rolling(double ahead_s = 0.0, double amplitude = 0.1) {
-  std::mt19937_64 random(4);
-  Oscillation truth;
-  truth.parts = {{amplitude, 2.0 * kPi / 8.0, 2.0 * kPi / 8.0 * ahead_s}};
-  OscillationOptions options;
-  options.max_order = 1;
-  std::vector<SeriesSample> samples = samples_of(truth, -20.0, -0.2, 10.0, 0.002, random);
-  samples.push_back({0.0, truth.value(0.0), 0.002});
-  const AxisForecast roll = AxisForecast::learn(samples, options);
-  DeckForecast forecast;
-  forecast.as_of_s = 0.0;
-  forecast.axes = {roll, roll, roll};
-  return forecast;
-}
-
 TouchdownOptions only_roll() {
   TouchdownOptions options;
   options.level = {0.05, kAny, kAny};

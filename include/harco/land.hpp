@@ -3,5 +3,6 @@
 
 #include "harco/deck.hpp"
 #include "harco/forecast.hpp"
+#include "harco/landing_order.hpp"
 #include "harco/level.hpp"
 #include "harco/touchdown.hpp"
