@@ -30,6 +30,7 @@ int main(int argc, char** argv) {
   harco::cli::add_generate(app);
   harco::cli::add_import(app);
   harco::cli::add_detect(app);
+  harco::cli::add_calibrate(app);
   harco::cli::add_simulate(app);
   harco::cli::add_land(app);
   harco::cli::add_reproduce(app);

@@ -22,6 +22,8 @@
 #include <apriltag/tagStandard41h12.h>
 #include <apriltag/tagStandard52h13.h>
 
+#include "aruco_dictionary.hpp"
+
 namespace harco::cli {
 namespace {
 
@@ -74,17 +76,7 @@ std::string without(const std::string& prefix, const std::string& text) {
 }
 
 std::vector<Code> aruco_codes(const std::string& name) {
-  const auto found = aruco_dictionaries().find(without("aruco_", without("dict_", name)));
-  if (found == aruco_dictionaries().end()) {
-    if (name == "mip_36h12")
-      throw std::invalid_argument("aruco:mip_36h12: OpenCV " CV_VERSION
-                                  " doesn't have it (OpenCV 4.8 and later do)");
-    throw std::invalid_argument("aruco:" + name +
-                                ": no such family; there are NxN_COUNT with N 4 … 7 and COUNT 50, "
-                                "100, 250 or 1000 (aruco:4x4_50), and aruco:original");
-  }
-  const auto dictionary = cv::aruco::getPredefinedDictionary(
-      static_cast<cv::aruco::PREDEFINED_DICTIONARY_NAME>(found->second));
+  const auto dictionary = aruco_dictionary(name);
   const int n = dictionary->markerSize;
   std::vector<Code> codes;
   for (int id = 0; id < dictionary->bytesList.rows; ++id) {
@@ -139,6 +131,20 @@ Family family_of(const std::string& name) {
 }
 
 }  // namespace
+
+cv::Ptr<cv::aruco::Dictionary> aruco_dictionary(const std::string& name) {
+  const auto found = aruco_dictionaries().find(without("aruco_", without("dict_", lower(name))));
+  if (found == aruco_dictionaries().end()) {
+    if (name == "mip_36h12")
+      throw std::invalid_argument("aruco:mip_36h12: OpenCV " CV_VERSION
+                                  " doesn't have it (OpenCV 4.8 and later do)");
+    throw std::invalid_argument("aruco:" + name +
+                                ": no such family; there are NxN_COUNT with N 4 … 7 and COUNT 50, "
+                                "100, 250 or 1000 (aruco:4x4_50), and aruco:original");
+  }
+  return cv::aruco::getPredefinedDictionary(
+      static_cast<cv::aruco::PREDEFINED_DICTIONARY_NAME>(found->second));
+}
 
 void harco_load_family(const std::string& name, Family& family) { family = family_of(name); }
 

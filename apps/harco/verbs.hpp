@@ -12,6 +12,7 @@ void add_plan(CLI::App& app);
 void add_generate(CLI::App& app);
 void add_import(CLI::App& app);
 void add_detect(CLI::App& app);
+void add_calibrate(CLI::App& app);
 void add_simulate(CLI::App& app);
 void add_land(CLI::App& app);
 void add_reproduce(CLI::App& app);
