@@ -179,6 +179,11 @@ TEST(Camera, ValidateNamesTheField) {
   EXPECT_NE(message([](Camera& c) { c.width = 0; }).find("width"), std::string::npos);
   EXPECT_NE(message([](Camera& c) { c.height = -1; }).find("height"), std::string::npos);
   EXPECT_NE(message([](Camera& c) { c.fx = 0.0; }).find("fx"), std::string::npos);
+  EXPECT_NE(message([](Camera& c) { c.fx = 1e-9; }).find("fx is no focal"), std::string::npos);
+  EXPECT_NE(message([](Camera& c) { c.fy = 1e9; }).find("fy is no focal"), std::string::npos);
+  EXPECT_EQ(message([](Camera& c) { c.fx = c.fy = 0.02 * 640; }), "");
+  EXPECT_EQ(message([](Camera& c) { c.fx = c.fy = 1e6; }), "");
+  EXPECT_NE(message([](Camera& c) { c.cy = -1e5; }).find("cy is farther"), std::string::npos);
   EXPECT_NE(message([](Camera& c) { c.fy = kNan; }).find("fy"), std::string::npos);
   EXPECT_NE(message([](Camera& c) { c.cx = kNan; }).find("cx"), std::string::npos);
   EXPECT_NE(message([](Camera& c) { c.coefficients[3] = kNan; }).find("distortion"),

@@ -56,6 +56,17 @@ void expect_refused(const std::string& arguments, const std::string& because) {
   EXPECT_TRUE(names_in(folder.path()).empty()) << arguments;
 }
 
+TEST(Generate, AFolderHoldsOneSet) {
+  const TemporaryFolder folder;
+  ASSERT_EQ(generate("--layers 1 --parents 3 --side 0.1", folder / "set").status, 0);
+  test::write_file(folder / "set" / "notes.txt", "mine");
+  test::write_file(folder / "set" / "marker-9.svg", "of somebody else");
+  ASSERT_EQ(generate("--layers 1 --parents 1 --side 0.1", folder / "set").status, 0);
+  EXPECT_EQ(names_in(folder / "set"),
+            (std::set<std::string>{"markers.json", "marker-0.svg", "marker-0.pdf", "marker-0.png",
+                                   "marker-0.png.json", "notes.txt", "marker-9.svg"}));
+}
+
 TEST(Generate, WritesWhatTheContractSays) {
   const TemporaryFolder folder;
   const auto out = folder / "new/set";

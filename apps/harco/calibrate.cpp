@@ -15,6 +15,7 @@
 
 #include "calibration_report.hpp"
 #include "coverage_picture.hpp"
+#include "frame_source.hpp"
 #include "frames.hpp"
 #include "harco/error.hpp"
 #include "interrupt.hpp"
@@ -256,12 +257,12 @@ class Collection {
 
 Collection collect(const CalibrateOptions& options, const CalibrationTarget& target) {
   Collection collection(gains_by_camera(target));
-  Frames frames(options.sources, 0.0, /*colour=*/false);
+  const InterruptGuard interrupt;  // ends a camera's stream; what was seen is calibrated from
+  Frames frames(options.sources, {}, interrupt.signal());
   std::vector<std::unique_ptr<TargetFinder>> finders;
   for (int i = 0; i < options.jobs; ++i) finders.push_back(target_finder(target, std::nullopt));
   Thinning thinning;
   ProgressBar progress("harco calibrate");
-  const InterruptGuard interrupt;  // ends a camera's stream; what was seen is calibrated from
   work_in_order(
       options.jobs,
       [&]() -> std::optional<Frame> {

@@ -31,6 +31,7 @@ int main(int argc, char** argv) {
   harco::cli::add_import(app);
   harco::cli::add_detect(app);
   harco::cli::add_calibrate(app);
+  harco::cli::add_mount(app);
   harco::cli::add_simulate(app);
   harco::cli::add_land(app);
   harco::cli::add_reproduce(app);
@@ -38,6 +39,9 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);
+    if (argc > 1 && app.get_subcommands().empty())
+      return report(std::string("there is no verb or option '") + argv[1] +
+                    "' (harco --help lists them)");
     return report(error.what());
   } catch (const harco::cli::ExitStatus& exit) {
     return exit.status;

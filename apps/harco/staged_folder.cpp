@@ -41,6 +41,8 @@ fs::path StagedFolder::file(const std::string& name) {
   return stage_ / name;
 }
 
+void StagedFolder::remove(const std::string& name) { removed_.push_back(name); }
+
 void StagedFolder::commit() {
   std::error_code ignored;
   for (const std::string& name : names_)
@@ -52,6 +54,7 @@ void StagedFolder::commit() {
     if (failed)
       throw Error((folder_ / name).string() + ": can't be written (" + failed.message() + ")");
   }
+  for (const std::string& name : removed_) fs::remove(folder_ / name, ignored);
 }
 
 }  // namespace harco::cli

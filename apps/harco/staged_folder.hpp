@@ -20,6 +20,9 @@ class StagedFolder {
   /// Where to write a file that will have this name. Files are moved in the order of these calls.
   std::filesystem::path file(const std::string& name);
 
+  /// A file of the folder that disappears when the new ones appear, if it is there.
+  void remove(const std::string& name);
+
   /// Moves all files to their place. Throws Error.
   void commit();
 
@@ -30,6 +33,7 @@ class StagedFolder {
   std::filesystem::path stage_;
   std::vector<std::filesystem::path> made_;  ///< folders that weren't there, outermost first
   std::vector<std::string> names_;
+  std::vector<std::string> removed_;
 };
 
 }  // namespace harco::cli

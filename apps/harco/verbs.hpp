@@ -13,6 +13,7 @@ void add_generate(CLI::App& app);
 void add_import(CLI::App& app);
 void add_detect(CLI::App& app);
 void add_calibrate(CLI::App& app);
+void add_mount(CLI::App& app);
 void add_simulate(CLI::App& app);
 void add_land(CLI::App& app);
 void add_reproduce(CLI::App& app);

@@ -1,8 +1,10 @@
 #include "write_markers.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <fstream>
+#include <set>
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
@@ -43,11 +45,30 @@ double rounding(const LineWidth& drawn, const LineWidth& wanted) {
   return std::max(share(drawn.inside, wanted.inside), share(drawn.outside, wanted.outside));
 }
 
+constexpr std::array kEndings{".svg", ".pdf", ".png", ".png.json"};
+
+std::string file_name(int id) { return fmt::format("marker-{}", id); }
+
+/// Drawings of markers that an older markers.json in the folder names and the new one doesn't go
+/// with it; what else lies there stays.
+void remove_older(const fs::path& folder, const MarkerSet& markers, StagedFolder& files) {
+  std::error_code ignored;
+  const fs::path older = folder / "markers.json";
+  if (!fs::exists(older, ignored)) return;
+  std::set<int> kept;
+  for (const Parent& parent : markers.parents) kept.insert(parent.marker.id);
+  try {
+    for (const Parent& parent : load_markers(older).parents)
+      if (!kept.contains(parent.marker.id))
+        for (const char* ending : kEndings) files.remove(file_name(parent.marker.id) + ending);
+  } catch (const Error&) {  // not ours
+  }
+}
+
 /// Writes the files of one parent. Returns how far its picture's lines are rounded.
 double write_parent(const MarkerSet& markers, int index, StagedFolder& files,
                     const SheetOptions& sheet, const RasterOptions& raster_options) {
-  const std::string name =
-      fmt::format("marker-{}", markers.parents[static_cast<std::size_t>(index)].marker.id);
+  const std::string name = file_name(markers.parents[static_cast<std::size_t>(index)].marker.id);
   write_text(files.file(name + ".svg"), draw_svg(markers, index, sheet));
   write_text(files.file(name + ".pdf"), draw_pdf(markers, index, sheet));
   const Raster drawn = raster(markers, index, raster_options);
@@ -144,6 +165,7 @@ void write_markers(const MarkerSet& markers, const fs::path& folder,
   }
   save_markers(markers, files.file("markers.json"));
   const std::string pages = describe_pages(markers, sheet, options.page);
+  remove_older(folder, markers, files);
   files.commit();
 
   for (const std::string& warning : print_warnings(markers)) warn(warning);

@@ -40,9 +40,9 @@ void check_drawing(const MarkerSet& sample, const DrawingOptions& options);
 
 /// Writes markers.json and, for every parent, marker-ID.svg, marker-ID.pdf, marker-ID.png and
 /// marker-ID.png.json into `folder`, which is made if need be. All files are there or, after an
-/// exception, none. Names on standard output what it has written and on standard error what may go
-/// wrong on paper; shows there how far it is if that is a terminal. Throws Error or
-/// std::invalid_argument.
+/// exception, none; drawings of markers that an older markers.json there named disappear. Names on
+/// standard output what it has written and on standard error what may go wrong on paper; shows
+/// there how far it is if that is a terminal. Throws Error or std::invalid_argument.
 void write_markers(const MarkerSet& markers, const std::filesystem::path& folder,
                    const DrawingOptions& options);
 

@@ -63,8 +63,8 @@ struct Camera {
   std::optional<Eigen::Vector2d> from_ideal(const Eigen::Vector2d& ideal_pixel) const;
 };
 
-/// Throws std::invalid_argument, naming the field, for a size or focal length that is not positive,
-/// a value that is not finite, or a coefficient that the lens model doesn't have.
+/// Throws std::invalid_argument, naming the field, for a size, focal length or centre that no
+/// camera has (or is not finite), or a coefficient that the lens model doesn't have.
 void validate(const Camera& camera);
 
 /// Reads an OpenCV FileStorage YAML or a ROS camera_info YAML: image_width, image_height,

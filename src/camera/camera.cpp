@@ -221,8 +221,8 @@ auto with_lens(const Camera& camera, const Use& use) {
   return use(BrownConrady(camera.coefficients));
 }
 
-void require(bool condition, const char* what) {
-  if (!condition) throw std::invalid_argument(std::string("camera: ") + what);
+void require(bool condition, const std::string& what) {
+  if (!condition) throw std::invalid_argument("camera: " + what);
 }
 
 }  // namespace
@@ -310,10 +310,27 @@ std::optional<Vector2d> Camera::from_ideal(const Vector2d& ideal_pixel) const {
 void validate(const Camera& camera) {
   require(camera.width > 0, "width must be positive");
   require(camera.height > 0, "height must be positive");
-  require(camera.fx > 0.0 && std::isfinite(camera.fx), "fx must be positive and finite");
-  require(camera.fy > 0.0 && std::isfinite(camera.fy), "fy must be positive and finite");
-  require(std::isfinite(camera.cx), "cx must be finite");
-  require(std::isfinite(camera.cy), "cy must be finite");
+  // Between a fisheye that sees more than everything and a telescope.
+  constexpr double kLeastFocal = 0.01, kMostFocal = 1e4;
+  // Shift lenses and images cut out of larger ones have it outside, but not far.
+  constexpr double kFarthestCentre = 10.0;
+  const double size = std::max(camera.width, camera.height);
+  const auto check_focal = [&](double focal, const std::string& name) {
+    require(focal > 0.0 && std::isfinite(focal), name + " must be positive and finite");
+    require(focal >= kLeastFocal * size && focal <= kMostFocal * size,
+            name +
+                " is no focal length in pixels: it must be a hundredth to ten thousand times "
+                "the image's longer side");
+  };
+  const auto check_centre = [&](double centre, const std::string& name) {
+    require(std::isfinite(centre), name + " must be finite");
+    require(std::abs(centre) <= kFarthestCentre * size,
+            name + " is farther away than ten times the image's longer side");
+  };
+  check_focal(camera.fx, "fx");
+  check_focal(camera.fy, "fy");
+  check_centre(camera.cx, "cx");
+  check_centre(camera.cy, "cy");
   for (std::size_t i = 0; i < camera.coefficients.size(); ++i) {
     const double k = camera.coefficients[i];
     require(std::isfinite(k), "distortion coefficients must be finite");
