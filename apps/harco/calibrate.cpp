@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -91,7 +92,7 @@ class Thinning {
  public:
   bool passes(const Frame& frame) {
     constexpr double kApart_s = 0.2;
-    if (!is_film(frame)) return true;
+    if (!is_film(frame) || !frame.timed) return true;
     const bool follows = frame.sequence == sequence_ && frame.timestamp_s > last_s_;
     if (follows && frame.timestamp_s < last_s_ + kApart_s) return false;
     sequence_ = frame.sequence;
@@ -197,28 +198,27 @@ class Collection {
     double motion_px = 0.0;
   };
 
-  static std::vector<std::pair<Vector2d, Vector2d>> points_of(
+  /// Where the target's points are seen, by their place on it.
+  static std::map<std::pair<double, double>, Vector2d> points_of(
       const std::vector<TargetView>& views) {
-    std::vector<std::pair<Vector2d, Vector2d>> points;
+    std::map<std::pair<double, double>, Vector2d> points;
     for (const TargetView& view : views)
       for (const Feature& feature : view.features)
         for (std::size_t i = 0; i < feature.target_m.size(); ++i)
-          points.emplace_back(feature.target_m[i], feature.image_px[i]);
+          points[{feature.target_m[i].x(), feature.target_m[i].y()}] = feature.image_px[i];
     return points;
   }
 
   /// Mean distance in the image of points that both show; infinite if there are none.
   static double distance(const std::vector<TargetView>& a, const std::vector<TargetView>& b) {
-    const auto points = points_of(a), others = points_of(b);
+    const auto others = points_of(b);
     double sum = 0.0;
     int count = 0;
-    for (const auto& [target, seen] : points)
-      for (const auto& [other_target, other_seen] : others)
-        if (target == other_target) {
-          sum += (seen - other_seen).norm();
-          ++count;
-          break;
-        }
+    for (const auto& [target, seen] : points_of(a))
+      if (const auto other = others.find(target); other != others.end()) {
+        sum += (seen - other->second).norm();
+        ++count;
+      }
     return count > 0 ? sum / count : std::numeric_limits<double>::infinity();
   }
 
