@@ -40,7 +40,12 @@ class MountVerb : public ::testing::Test {
     write_file(folder_ / "a.pgm", pgm);
   }
 
-  std::string path(const std::string& name) const { return "'" + (folder_ / name).string() + "'"; }
+  std::string path(const std::string& name) const {
+    std::string quoted = "'";
+    quoted += (folder_ / name).string();
+    quoted += "'";
+    return quoted;
+  }
 
   void expect_refused(const std::string& arguments, const std::string& what) const {
     const CommandResult result = run_harco("mount " + arguments);
@@ -82,8 +87,8 @@ TEST_F(MountVerb, RefusesWhatMakesNoSense) {
   expect_refused(mount + " --camera " + path("camera.yaml") + " " + path("a.pgm"), "--annotate");
   expect_refused(mount + " --annotate " + path("seen.png"), "need a SOURCE");
   expect_refused(mount + " --camera " + path("camera.yaml") + " --annotate " + path("seen.png") +
-                     " " + path("markers.json"),
-                 "markers.json");
+                     " " + path("missing.pgm"),
+                 "missing.pgm");
   save_camera(Camera::pinhole(640, 480, 500.0), folder_ / "other.yaml");
   expect_refused(mount + " --camera " + path("other.yaml") + " --annotate " + path("seen.png") +
                      " " + path("a.pgm"),
