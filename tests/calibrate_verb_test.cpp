@@ -286,7 +286,9 @@ TEST_F(CalibrateVerb, AFilmGivesPicturesThatDiffer) {
                 " --report " + path("film.json") + " pgm:- < " + path("film"));
   ASSERT_EQ(result.status, 0) << result.errors;
   const json report = json::parse(read_file(folder_ / "film.json"));
-  EXPECT_EQ(report["pictures"].size(), 6U);
+  // One picture a place, of those places where the whole board is in view.
+  EXPECT_GE(report["pictures"].size(), 3U);
+  EXPECT_LE(report["pictures"].size(), 6U);
   expect_recovered("film.yaml", "film.json", pinhole());
 }
 
