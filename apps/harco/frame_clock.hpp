@@ -34,8 +34,8 @@ class FrameClock {
   std::optional<double> captured_s(const Frame& frame,
                                    const std::function<std::optional<double>(double)>& ours);
 
-  /// Whether the stamp of the last frame says how old it is. Else its age counts from its arrival: a
-  /// simulator's clock may run slower than ours.
+  /// Whether the stamp of the last frame says how old it is. Else its age counts from its arrival:
+  /// a simulator's clock may run slower than ours.
   bool absolute() const { return absolute_; }
 
  private:
