@@ -34,10 +34,8 @@ Image square_image(int size, int from, int to, std::uint8_t outside, std::uint8_
 std::vector<Contour> contours_of(const Image& image, std::size_t level = 0) {
   Threshold threshold;
   threshold.measure(image.view());
-  ContourLimits limits;
-  limits.at_image_edge = true;
   BorderFollower follower;
-  follower.start(threshold, level, limits);
+  follower.start(threshold, level);
   std::vector<Contour> contours;
   while (const Contour* contour = follower.next()) contours.push_back(*contour);
   return contours;
@@ -46,10 +44,15 @@ std::vector<Contour> contours_of(const Image& image, std::size_t level = 0) {
 std::vector<Contour> convex_contours_of(const Image& image) {
   Threshold threshold;
   threshold.measure(image.view());
+  ConvexRegions regions;
   BorderFollower follower;
-  follower.start(threshold, 0, {});
+  follower.start(threshold, 0);
   std::vector<Contour> contours;
-  while (const Contour* contour = follower.next_convex()) contours.push_back(*contour);
+  for (const bool dark : {true, false}) {
+    regions.start(threshold, 0, dark, {});
+    for (RegionTop top{}; regions.next(top);)
+      if (const Contour* contour = follower.around(top)) contours.push_back(*contour);
+  }
   return contours;
 }
 
@@ -135,6 +138,94 @@ TEST(Edges, DontMoveInLightThatChangesAlongThem) {
   ASSERT_TRUE(fitted);
   const Quad truth{{{from, from}, {to, from}, {to, to}, {from, to}}};
   for (std::size_t i = 0; i < 4; ++i) EXPECT_LT((fitted->corners[i] - truth[i]).norm(), 0.06);
+}
+
+std::vector<RegionTop> regions_of(const Image& image, bool dark, std::size_t level = 0,
+                                  const RegionLimits& limits = {}) {
+  Threshold threshold;
+  threshold.measure(image.view());
+  ConvexRegions regions;
+  regions.start(threshold, level, dark, limits);
+  std::vector<RegionTop> tops;
+  for (RegionTop top{}; regions.next(top);) tops.push_back(top);
+  return tops;
+}
+
+void fill(Image& image, int left, int top, int right, int bottom, std::uint8_t grey) {
+  for (int y = top; y < bottom; ++y)
+    for (int x = left; x < right; ++x) image.row(y)[x] = grey;
+}
+
+TEST(ConvexRegions, BeginAtTheirTopLeftPixelAndKnowTheirBox) {
+  Image image(40, 40, 200);
+  fill(image, 8, 10, 28, 25, 0);
+  fill(image, 12, 14, 24, 21, 200);
+  const std::vector<RegionTop> dark = regions_of(image, true);
+  ASSERT_EQ(dark.size(), 1U);
+  EXPECT_EQ(dark[0].x, 8);
+  EXPECT_EQ(dark[0].y, 10);
+  EXPECT_EQ(dark[0].columns, 20);
+  EXPECT_EQ(dark[0].rows, 15);
+  const std::vector<RegionTop> bright = regions_of(image, false);
+  ASSERT_EQ(bright.size(), 1U);
+  EXPECT_EQ(bright[0].x, 12);
+  EXPECT_EQ(bright[0].y, 14);
+}
+
+TEST(ConvexRegions, AreAsWideAsTheyAre) {
+  // Rows longer than a word, and a diamond whose rows grow by many pixels.
+  Image wide(400, 60, 200);
+  fill(wide, 20, 20, 380, 40, 0);
+  ASSERT_EQ(regions_of(wide, true).size(), 1U);
+  EXPECT_EQ(regions_of(wide, true)[0].columns, 360);
+  Image diamond(400, 60, 200);
+  for (int y = 0; y < 20; ++y) {
+    fill(diamond, 200 - 8 * y - 4, 10 + y, 200 + 8 * y + 4, 11 + y, 0);
+    fill(diamond, 200 - 8 * y - 4, 49 - y, 200 + 8 * y + 4, 50 - y, 0);
+  }
+  ASSERT_EQ(regions_of(diamond, true).size(), 1U);
+  EXPECT_EQ(regions_of(diamond, true)[0].columns, 312);
+}
+
+TEST(ConvexRegions, DoNotRiseAgainBesideTheirTop) {
+  // A U: from the top of either arm, what is met below comes down from elsewhere.
+  Image image(60, 60, 200);
+  fill(image, 10, 10, 20, 40, 0);
+  fill(image, 30, 20, 40, 40, 0);
+  fill(image, 10, 40, 40, 50, 0);
+  EXPECT_TRUE(regions_of(image, true).empty());
+}
+
+TEST(ConvexRegions, AreNotThoseThatTheImageCuts) {
+  for (const auto& [left, top] : {std::pair{0, 10}, {10, 0}, {30, 10}, {10, 30}}) {
+    Image image(40, 40, 200);
+    fill(image, left, top, left + 10, top + 10, 0);
+    EXPECT_TRUE(regions_of(image, true).empty()) << left << ' ' << top;
+  }
+}
+
+TEST(ConvexRegions, AreAsHighAsIsAskedFor) {
+  Image image(60, 60, 200);
+  fill(image, 10, 10, 40, 22, 0);
+  RegionLimits limits;
+  limits.least_extent = 12;
+  EXPECT_EQ(regions_of(image, true, 0, limits).size(), 1U);
+  limits.least_extent = 13;
+  EXPECT_TRUE(regions_of(image, true, 0, limits).empty());
+}
+
+TEST(ConvexRegions, AtTheLowLevelAreThoseBesideAThirdGrey) {
+  // White in the shade (90) between black and sunlit ground (240): dark in the middle of the two.
+  Image image(60, 60, 240);
+  fill(image, 15, 15, 45, 45, 90);
+  fill(image, 20, 20, 40, 40, 10);
+  ASSERT_EQ(regions_of(image, true, Threshold::kLowLevel).size(), 1U);
+  EXPECT_EQ(regions_of(image, true, Threshold::kLowLevel)[0].columns, 20);
+  // Without it the middle level finds the same.
+  fill(image, 0, 0, 60, 60, 90);
+  fill(image, 20, 20, 40, 40, 10);
+  EXPECT_EQ(regions_of(image, true, Threshold::kMiddleLevel).size(), 1U);
+  EXPECT_TRUE(regions_of(image, true, Threshold::kLowLevel).empty());
 }
 
 TEST(Contours, FollowADarkSquareAtHalfPixels) {

@@ -7,8 +7,10 @@
 #include <hwy/targets.h>
 
 #include "detect/kernels/dark_bits.hpp"
+#include "detect/kernels/halve.hpp"
 #include "detect/kernels/tile_extremes.hpp"
 #include "detect/kernels/tile_thresholds.hpp"
+#include "detect/kernels/ways_down.hpp"
 #include "pose/kernels/patch_loops.hpp"
 
 namespace harco::detect::kernels {
@@ -67,6 +69,66 @@ TEST(Kernels, TileExtremesAreTheSameOnEveryTarget) {
         ASSERT_EQ(low, low_by_hand) << width << " x " << rows;
         ASSERT_EQ(high, high_by_hand) << width << " x " << rows;
       }
+  });
+}
+
+TEST(Kernels, HalvesRowsKnownByHand) {
+  // 10 + 20 + 30 + 41 = 101, a quarter of it 25.25; 0 + 1 + 1 + 0 = 2, half of one counts up.
+  const std::uint8_t upper[] = {10, 20, 0, 1};
+  const std::uint8_t lower[] = {30, 41, 1, 0};
+  std::uint8_t half[2];
+  halve_rows(upper, lower, 2, half);
+  EXPECT_EQ(half[0], 25);
+  EXPECT_EQ(half[1], 1);
+}
+
+TEST(Kernels, HalvedRowsAreTheSameOnEveryTarget) {
+  on_every_target([] {
+    for (int width = 1; width <= 200; ++width) {
+      const auto size = static_cast<std::size_t>(width);
+      const auto upper = random_bytes(2 * size, static_cast<std::uint32_t>(width));
+      const auto lower = random_bytes(2 * size, static_cast<std::uint32_t>(width + 1000));
+      std::vector<std::uint8_t> half(size);
+      std::vector<std::uint8_t> by_hand(size);
+      halve_rows(upper.data(), lower.data(), width, half.data());
+      halve_rows_scalar(upper.data(), lower.data(), width, by_hand.data());
+      ASSERT_EQ(half, by_hand) << width;
+    }
+  });
+}
+
+TEST(Kernels, WaysDownKnownByHand) {
+  // Below, bit 63 of the first word and bit 0 of what follows the second; they reach two beside.
+  const std::uint64_t below[] = {0, std::uint64_t{1} << 63, 0, 1};
+  const std::uint64_t here[] = {~std::uint64_t{0}, ~std::uint64_t{0}};
+  std::uint64_t ways[2];
+  ways_down(here, 0, below + 1, 2, ways);
+  EXPECT_EQ(ways[0], std::uint64_t{7} << 61);
+  EXPECT_EQ(ways[1], std::uint64_t{3} << 62 | 3);
+  // Of the bright pixels of an inverted row.
+  const std::uint64_t dark[] = {std::uint64_t{1} << 62, 1};
+  ways_down(dark, ~std::uint64_t{0}, below + 1, 2, ways);
+  EXPECT_EQ(ways[0], std::uint64_t{5} << 61);
+  EXPECT_EQ(ways[1], std::uint64_t{3} << 62 | 2);
+}
+
+TEST(Kernels, WaysDownAreTheSameOnEveryTarget) {
+  on_every_target([] {
+    std::mt19937_64 random(5);
+    for (int words = 1; words <= 40; ++words) {
+      const auto size = static_cast<std::size_t>(words);
+      std::vector<std::uint64_t> here(size);
+      std::vector<std::uint64_t> below(size + 2);
+      for (std::uint64_t& word : here) word = random();
+      for (std::uint64_t& word : below) word = random() & random() & random();
+      std::vector<std::uint64_t> ways(size);
+      std::vector<std::uint64_t> by_hand(size);
+      for (const std::uint64_t flip : {std::uint64_t{0}, ~std::uint64_t{0}}) {
+        ways_down(here.data(), flip, below.data() + 1, words, ways.data());
+        ways_down_scalar(here.data(), flip, below.data() + 1, words, by_hand.data());
+        ASSERT_EQ(ways, by_hand) << words;
+      }
+    }
   });
 }
 

@@ -10,17 +10,15 @@
 
 #include "detect/cells.hpp"
 #include "detect/codebook.hpp"
-#include "detect/contours.hpp"
+#include "detect/covered_squares.hpp"
 #include "detect/edges.hpp"
 #include "detect/lens.hpp"
 #include "detect/prediction.hpp"
 #include "detect/quad.hpp"
 #include "detect/recovery.hpp"
 #include "detect/relations.hpp"
-#include "detect/segments.hpp"
-#include "detect/side_quads.hpp"
+#include "detect/shapes.hpp"
 #include "detect/square_homography.hpp"
-#include "detect/threshold.hpp"
 #include "harco/detect.hpp"
 #include "harco/geometry.hpp"
 
@@ -30,6 +28,7 @@ namespace {
 using detect::Codebook;
 using detect::Match;
 using detect::Quad;
+using detect::Shape;
 
 // From this share of the span between black and white a cell counts as white: cells that hold
 // children are darker than paper.
@@ -43,11 +42,8 @@ constexpr double kSmallCell = 5.0;
 // Ring cells that glare, dirt or blur may have turned, as a share of the ring.
 constexpr double kWrongRingShare = 0.1;
 
-// Of partly covered markers: the shortest straight part of an outline that tells something, the
-// smallest side in pixels, and how many squares are tried in a frame.
-constexpr double kLeastSegment = 8.0;
+// The smallest side of a partly covered marker, in pixels.
 constexpr double kLeastCoveredSide = 80.0;
-constexpr std::size_t kMostCoveredSquares = 40;
 
 void check(const DetectorOptions& options) {
   if (!(options.min_side_px >= 4.0) || !std::isfinite(options.min_side_px))
@@ -59,97 +55,6 @@ void check(const DetectorOptions& options) {
   if (!(options.min_quality >= 0.0 && options.min_quality <= 1.0))
     throw std::invalid_argument("min_quality: must be 0 … 1");
   if (options.camera) validate(*options.camera);
-}
-
-/// A quad of the contour stage; seen at several thresholds it counts once.
-struct Shape {
-  Quad corners;
-  bool hole;
-};
-
-/// Corners of one shape at two thresholds are no farther apart than this, in pixels.
-double tolerance(const Shape& shape) { return 0.6 + 0.02 * detect::mean_side(shape.corners); }
-
-bool same(const Shape& a, const Shape& b) {
-  if (a.hole != b.hole) return false;
-  const double limit = tolerance(a);
-  // Both run clockwise but may start at different corners.
-  for (std::size_t turn = 0; turn < 4; ++turn) {
-    bool all = true;
-    for (std::size_t i = 0; i < 4 && all; ++i)
-      all = (a.corners[i] - b.corners[(i + turn) % 4]).norm() < limit;
-    if (all) return true;
-  }
-  return false;
-}
-
-/// The shapes found so far, by where their centres lie.
-class ShapeIndex {
- public:
-  void clear(int width, int height) {
-    columns_ = width / kCell + 1;
-    rows_ = height / kCell + 1;
-    buckets_.resize(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_));
-    for (std::vector<int>& bucket : buckets_) bucket.clear();
-    shapes_.clear();
-  }
-
-  /// Keeps the shape unless it was there already.
-  void add(const Shape& shape) {
-    const Eigen::Vector2d centre = mean_corner(shape.corners);
-    const int column = std::clamp(static_cast<int>(centre.x()) / kCell, 0, columns_ - 1);
-    const int row = std::clamp(static_cast<int>(centre.y()) / kCell, 0, rows_ - 1);
-    const int reach = 1 + static_cast<int>(tolerance(shape)) / kCell;
-    for (int r = std::max(0, row - reach); r <= std::min(rows_ - 1, row + reach); ++r)
-      for (int c = std::max(0, column - reach); c <= std::min(columns_ - 1, column + reach); ++c)
-        for (const int other : bucket(r, c))
-          if (same(shape, shapes_[static_cast<std::size_t>(other)])) return;
-    bucket(row, column).push_back(static_cast<int>(shapes_.size()));
-    shapes_.push_back(shape);
-  }
-
-  const std::vector<Shape>& shapes() const { return shapes_; }
-
-  /// Keeps the `most` largest ones. False if there were no more anyway.
-  bool limit(std::size_t most) {
-    if (shapes_.size() <= most) return false;
-    std::stable_sort(shapes_.begin(), shapes_.end(), [](const Shape& a, const Shape& b) {
-      return detect::mean_side(a.corners) > detect::mean_side(b.corners);
-    });
-    shapes_.resize(most);
-    return true;
-  }
-
- private:
-  static constexpr int kCell = 16;  // pixels
-
-  static Eigen::Vector2d mean_corner(const Quad& quad) {
-    return 0.25 * (quad[0] + quad[1] + quad[2] + quad[3]);
-  }
-  std::vector<int>& bucket(int row, int column) {
-    return buckets_[static_cast<std::size_t>(row * columns_ + column)];
-  }
-
-  int columns_ = 0;
-  int rows_ = 0;
-  std::vector<std::vector<int>> buckets_;
-  std::vector<Shape> shapes_;
-};
-
-/// How many shapes of one frame are looked at closely. Walls of tiles and pages of print have more.
-std::size_t most_shapes(const ImageView& image) {
-  constexpr std::size_t kPixelsPerShape = 1000;
-  const auto pixels =
-      static_cast<std::size_t>(image.width()) * static_cast<std::size_t>(image.height());
-  return 300 + pixels / kPixelsPerShape;
-}
-
-Image picture_of(const detect::DarkMap& map) {
-  Image picture(map.width(), map.height(), 255);
-  for (int y = 0; y < map.height(); ++y)
-    for (int x = 0; x < map.width(); ++x)
-      if (map.dark(x, y)) picture.row(y)[x] = 0;
-  return picture;
 }
 
 /// How sure a detection is by itself.
@@ -231,40 +136,20 @@ struct Detector::Impl {
   detect::Lens lens;
 
   // Scratch, kept from frame to frame.
-  detect::Threshold threshold;
-  detect::BorderFollower follower;
-  ShapeIndex shapes;
+  detect::ShapeFinder shapes;
   std::vector<Candidate> candidates;
   std::vector<Found> found;
   std::vector<Match> matches;
   DetectorStatistics statistics;
-  std::vector<detect::Segment> segments;  // straight parts of outlines
+  detect::CoveredSquares covered;
   std::optional<detect::Recovery> recovery;
 };
 
 void Detector::Impl::find_shapes(const ImageView& image, DetectionTrace* trace) {
-  shapes.clear(image.width(), image.height());
-  threshold.measure(image);
-  detect::ContourLimits limits;
-  limits.min_extent = 0.5 * options.min_side_px;  // of a steep marker's bounding box
-  limits.min_points = static_cast<std::size_t>(2.8 * options.min_side_px);
-  limits.holes = !child_books.empty();
-  limits.islands = !parent_books.empty();
-  limits.min_area = 0.25 * options.min_side_px * options.min_side_px;
-  for (std::size_t level = 0; level < detect::Threshold::kLevels.size(); ++level) {
-    if (trace) trace->binary.push_back(picture_of(threshold.map(level)));
-    limits.islands = !parent_books.empty() && level != detect::Threshold::kLineLevel;
-    follower.start(threshold, level, limits);
-    while (const detect::Contour* contour = follower.next_convex()) {
-      if (trace) trace->contours.push_back(contour->points);
-      const auto quad = detect::fit_quad(*contour);
-      if (!quad || detect::mean_side(*quad) < 0.8 * options.min_side_px) continue;
-      shapes.add({*quad, contour->hole});
-    }
-  }
-  statistics.noise = threshold.noise();
-  statistics.quads = shapes.shapes().size();
-  statistics.budget_reached = shapes.limit(most_shapes(image));
+  shapes.find(image, {options.min_side_px, !child_books.empty(), !parent_books.empty()}, trace);
+  statistics.noise = shapes.threshold().noise();
+  statistics.quads = shapes.count();
+  statistics.budget_reached = shapes.shapes().size() < shapes.count();
 }
 
 /// A code that had to be corrected needs a better picture: each bit takes away three fifths of what
@@ -487,24 +372,11 @@ void Detector::Impl::recover(const ImageView& image, DetectionTrace* trace) {
     if (candidate.hole || legible) continue;
     quads.push_back(candidate.corners);
   }
-  detect::ContourLimits limits;
-  limits.min_points = static_cast<std::size_t>(3.0 * kLeastSegment);
-  limits.at_image_edge = true;
-  segments.clear();
-  follower.start(threshold, 0, limits);
-  while (const detect::Contour* contour = follower.next()) {
-    if (trace) trace->contours.push_back(contour->points);
-    detect::append_segments(*contour, kLeastSegment, segments);
-  }
-  const double contrast = detect::contrast_above_noise(threshold.noise());
-  std::erase_if(segments, [&](const detect::Segment& segment) {
-    return !detect::parts_dark_from_bright(image, segment, contrast);
-  });
   std::optional<Eigen::Matrix3d> calibration;
   if (options.camera) calibration = options.camera->matrix();
   const double least_side = std::max(kLeastCoveredSide, options.min_side_px);
-  for (const detect::SideQuad& quad :
-       detect::side_quads(segments, least_side, kMostCoveredSquares, calibration))
+  const double contrast = detect::contrast_above_noise(statistics.noise);
+  for (const detect::SideQuad& quad : covered.find(image, least_side, contrast, calibration, trace))
     quads.push_back(quad.corners);
   std::vector<Quad> known;
   for (const Quad& quad : quads) {

@@ -20,6 +20,7 @@ using Eigen::Vector3d;
 // image than the next best reading of the same square. Of six thousand squares in a thousand
 // pictures without a marker none had all of this; half of the markers of 120 pixels with seven
 // tenths covered have.
+constexpr int kLeastSeenAtOnce = 3;  // before the fit to all edges; nine in ten readings have none
 constexpr int kLeastSeen = 4;
 constexpr double kLeastLead = 8.0;
 constexpr double kLeastSum = 32.0;   // of the lead and twice the edges seen
@@ -238,8 +239,15 @@ std::optional<Recovered> Recovery::at(const ImageView& image, const Lens& lens, 
     std::partial_sort(readings_.begin(), readings_.begin() + static_cast<std::ptrdiff_t>(count),
                       readings_.end(),
                       [](const Reading& a, const Reading& b) { return a.score > b.score; });
-    for (std::size_t i = 0; i < count; ++i) {
-      const Reading& reading = readings_[i];
+    readings_.resize(count);
+    // Where no reading fits to begin with, the finest fit of any finds nothing either.
+    const bool promising =
+        std::any_of(readings_.begin(), readings_.end(), [&](const Reading& reading) {
+          return gather(image, lens, describe(reading.parent).edges, turned(*border, reading.turns))
+                     .seen >= kLeastSeenAtOnce;
+        });
+    if (!promising) continue;
+    for (const Reading& reading : readings_) {
       const Description& description = describe(reading.parent);
       Recovered recovered;
       recovered.placed = placed_of_[reading.parent];
@@ -265,16 +273,16 @@ std::optional<Recovered> Recovery::at(const ImageView& image, const Lens& lens, 
   const double lead = best_likeness - next_likeness;
   if (cut(image, lens, best->registration) && best->evidence.share() < kLeastCutShare)
     return std::nullopt;
-  if (best->evidence.seen >= kTellingEdges) {
-    if (lead < kLeastTellingLead) return std::nullopt;
-    return best;
-  }
   // What covers a marker is rarely just as black and white as it. Where many cells show the other
   // colour, another pattern may stand there, or a part of this one: only its edges can tell.
   const PlacedMarker& marker = placed_[static_cast<std::size_t>(best->placed)];
   const int shown = marker.code.size() - best->wrong_cells;
   if (shown < kLeastShown * best->opposed_cells && best->evidence.share() < kTellingShare)
     return std::nullopt;
+  if (best->evidence.seen >= kTellingEdges) {
+    if (lead < kLeastTellingLead) return std::nullopt;
+    return best;
+  }
   if (best->evidence.seen < kLeastSeen || best->evidence.share() < kLeastShare ||
       lead < kLeastLead || lead + 2.0 * best->evidence.seen < kLeastSum)
     return std::nullopt;

@@ -399,9 +399,12 @@ Evidence gather(const ImageView& image, const Lens& lens, const std::vector<Temp
     if (edge.border) continue;
     probes.clear();
     append_probes(map, edge, kMostAlong, probes);
+    const auto count = static_cast<int>(probes.size());
     int in_view = 0;
     int matched = 0;
     for (const Probe& probe : probes) {
+      // So many aren't there that the others can't make it a seen one.
+      if (in_view - matched > (1.0 - kLeastMatchedShare) * count && 2 * in_view >= count) break;
       const Profile profile(image, lens, probe, kPlace);
       if (!profile.whole()) continue;
       ++in_view;
@@ -411,7 +414,7 @@ Evidence gather(const ImageView& image, const Lens& lens, const std::vector<Temp
       matched +=
           step && std::abs(step->offset) <= kPlace && fits(*step, registration.levels, probe.unit);
     }
-    if (in_view < 2 || 2 * in_view < static_cast<int>(probes.size())) continue;
+    if (in_view < 2 || 2 * in_view < count) continue;
     ++evidence.predicted;
     evidence.seen += matched >= kLeastMatchedShare * in_view;
   }

@@ -67,7 +67,9 @@ class Threshold {
   /// children together. The lower one finds markers in shade beside sunlit ground, where there is
   /// a third grey between the two.
   static constexpr std::array<Level, 3> kLevels{{{8, 16}, {11, 16}, {5, 48}}};
+  static constexpr std::size_t kMiddleLevel = 0;
   static constexpr std::size_t kLineLevel = 1;
+  static constexpr std::size_t kLowLevel = 2;
   static constexpr int kScale = 16;
 
   /// Reads the image, whose pixels have to stay where they are for as long as distances are asked

@@ -1,0 +1,338 @@
+#include "detect/convex_regions.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+
+#include "detect/kernels/ways_down.hpp"
+
+namespace harco::detect {
+namespace {
+
+// Words of pixels are read byte by byte.
+static_assert(std::endian::native == std::endian::little);
+
+/// Pixels of a row from any one on, the first one lowest; 57 at least. Ones are the region's.
+constexpr int kWord = 57;
+template <bool kDark>
+std::uint64_t pixels_from(const std::uint8_t* row, int x) {
+  std::uint64_t word = 0;
+  std::memcpy(&word, row + (x >> 3), sizeof word);
+  return (kDark ? word : ~word) >> (x & 7);
+}
+
+/// A region's leftmost pixel in a row where it has more than a word of pixels, or none, around `x`;
+/// beyond `high` if there is none.
+template <bool kDark>
+[[gnu::noinline]] int far_leftmost(const std::uint8_t* row, int x, int high) {
+  if ((pixels_from<kDark>(row, x) & 1) == 0) {
+    for (; x <= high; x += kWord)
+      if (const std::uint64_t right = pixels_from<kDark>(row, x))
+        return x + std::countr_zero(right);
+    return x;
+  }
+  while (x >= 0 && (pixels_from<kDark>(row, x) & 1) != 0) --x;
+  return x + 1;
+}
+
+/// Likewise its rightmost pixel; before `low` if there is none.
+template <bool kDark>
+[[gnu::noinline]] int far_rightmost(const std::uint8_t* row, int x, int low, int width) {
+  if ((pixels_from<kDark>(row, x) & 1) == 0) {
+    while (x >= low && (pixels_from<kDark>(row, x) & 1) == 0) --x;
+    return x;
+  }
+  for (;;) {
+    const int ones = std::countr_one(pixels_from<kDark>(row, x));
+    if (ones < kWord || x >= width) return x + ones - 1;
+    x += kWord;
+  }
+}
+
+// Where `x` lies in the word that is looked at around it.
+constexpr int kMiddle = 28;
+
+/// One end of a region in a row.
+struct End {
+  int x;
+  bool from_above;  ///< going outwards, it has met what comes down from farther above
+};
+
+/// The leftmost pixel of the region in a row, given that it touches those from `low` to `high` in
+/// the row above; beyond `high` if there is none.
+template <bool kDark>
+End leftmost(const std::uint8_t* row, const std::uint8_t* tall_above, int low, int high) {
+  const int first = low - kMiddle;
+  const std::uint64_t around = pixels_from<kDark>(row, first);
+  const int ones = std::countl_one(around << (63 - kMiddle));  // up to `low`
+  const int zeros = std::countr_zero(around >> kMiddle);       // from `low` on
+  if (ones > kMiddle || zeros > kMiddle) return {far_leftmost<kDark>(row, low, high), false};
+  const int left = low + zeros - (ones > 0 ? ones - 1 : 0);
+  // The pixel next to the last end may hang on to it.
+  const std::uint64_t tall = pixels_from<true>(tall_above, first) << (63 - kMiddle + 2);
+  return {left, ones > 2 && std::countl_zero(tall) < ones - 2};
+}
+
+/// Likewise the rightmost one; before `low` if there is none.
+template <bool kDark>
+End rightmost(const std::uint8_t* row, const std::uint8_t* tall_above, int low, int high,
+              int width) {
+  const int first = high - kMiddle;
+  const std::uint64_t around = pixels_from<kDark>(row, first);
+  const int ones = std::countr_one(around >> kMiddle);
+  const int zeros = std::countl_zero(around << (63 - kMiddle));
+  if (ones > kMiddle || zeros > kMiddle)
+    return {far_rightmost<kDark>(row, high, low, width), false};
+  const int right = high - zeros + (ones > 0 ? ones - 1 : 0);
+  const std::uint64_t tall = pixels_from<true>(tall_above, first) >> (kMiddle + 2);
+  return {right, ones > 2 && std::countr_zero(tall) < ones - 2};
+}
+
+/// One side of a region on its way down: whether it has turned back, and whether it does so again.
+class Side {
+ public:
+  explicit Side(int at) : extreme_(at) {}
+  /// `at` counts outwards. False if it goes out again after it has come in.
+  bool go_to(int at, int tolerance) {
+    if (!inwards_) {
+      if (at >= extreme_)
+        extreme_ = at;
+      else if (at < extreme_ - tolerance) {
+        inwards_ = true;
+        extreme_ = at;
+      }
+      return true;
+    }
+    if (at < extreme_) extreme_ = at;
+    return at <= extreme_ + tolerance;
+  }
+
+ private:
+  int extreme_;
+  bool inwards_ = false;
+};
+
+}  // namespace
+
+void ConvexRegions::start(const Threshold& threshold, std::size_t level, bool dark,
+                          const RegionLimits& limits) {
+  threshold_ = &threshold;
+  map_ = &threshold.map(level);
+  dark_ = dark;
+  known_ = level == Threshold::kLowLevel ? &threshold.map(Threshold::kMiddleLevel) : nullptr;
+  limits_ = limits;
+  row_ = map_->height();
+  tops_.clear();
+  next_top_ = 0;
+  ends_.resize(static_cast<std::size_t>(map_->height()));
+  find_tall();
+  // More rows than this tell hardly more.
+  constexpr int kMostRows = 14;
+  ways_.resize(static_cast<std::size_t>(std::clamp(limits.least_extent, 2, kMostRows) - 1));
+  for (auto& ways : ways_) ways.assign(static_cast<std::size_t>(map_->words_in_row()) + 2, 0);
+}
+
+bool ConvexRegions::next(RegionTop& top) {
+  for (;;) {
+    while (next_top_ < tops_.size()) {
+      top = tops_[next_top_++];
+      if (dark_ ? may_be_convex<true>(top) : may_be_convex<false>(top)) return true;
+    }
+    // What begins in the first row touches the border.
+    if (--row_ <= 0) return false;
+    tops_.clear();
+    next_top_ = 0;
+    find_ways_down();
+    find_tops();
+  }
+}
+
+void ConvexRegions::find_tall() {
+  const std::uint64_t flip = dark_ ? 0 : ~std::uint64_t{0};
+  tall_.resize(map_->width(), map_->height());
+  for (int y = 2; y < map_->height(); ++y) {
+    std::uint64_t* tall = tall_.row(y);
+    for (int word = 0; word < map_->words_in_row(); ++word)
+      tall[word] = (map_->row(y)[word] ^ flip) & (map_->row(y - 1)[word] ^ flip) &
+                   (map_->row(y - 2)[word] ^ flip);
+  }
+  for (const int y : {0, 1})
+    if (y < map_->height()) std::fill_n(tall_.row(y), map_->words_in_row(), 0);
+}
+
+/// From those of the row below.
+void ConvexRegions::find_ways_down() {
+  const std::uint64_t flip = dark_ ? 0 : ~std::uint64_t{0};
+  const int words = map_->words_in_row();
+  for (std::size_t rows = ways_.size() - 1; rows > 0; --rows)
+    kernels::ways_down(map_->row(row_), flip, ways_[rows - 1].data() + 1, words,
+                       ways_[rows].data() + 1);
+  std::uint64_t* own = ways_[0].data() + 1;
+  const std::uint64_t* here = map_->row(row_);
+  for (int word = 0; word < words; ++word) own[word] = here[word] ^ flip;
+}
+
+/// Appends where regions begin in this row that go on down for a while: stretches of dark below
+/// nothing but bright, or of bright below nothing but dark.
+void ConvexRegions::find_tops() {
+  const std::uint64_t flip = dark_ ? 0 : ~std::uint64_t{0};
+  const std::uint64_t* here = map_->row(row_);
+  const std::uint64_t* above = map_->row(row_ - 1);
+  const std::uint64_t* ways = ways_.back().data() + 1;
+  const int words = map_->words_in_row();
+  // A sum carries a bit that is set anywhere in a stretch of edge to the bit behind the stretch:
+  // once the stretch's first one, if the region begins there too, once those with a way down. What
+  // leaves a word enters the next one.
+  std::uint64_t carry_of_begin = 0;
+  std::uint64_t carry_of_ways = 0;
+  const auto behind = [](std::uint64_t stretches, std::uint64_t bits, std::uint64_t& carry) {
+    const std::uint64_t sum = stretches + bits;
+    const std::uint64_t total = sum + carry;
+    carry = (sum < stretches ? 1U : 0U) | (total < sum ? 1U : 0U);
+    return total & ~stretches;
+  };
+  std::uint64_t before = flip;
+  for (int word = 0; word <= words; ++word) {
+    const std::uint64_t inside = here[word] ^ flip;
+    const std::uint64_t edge = inside & ~(above[word] ^ flip);
+    const std::uint64_t begin = edge & ~(inside << 1 | before >> 63);
+    before = inside;
+    std::uint64_t found = behind(edge, begin, carry_of_begin) &
+                          behind(edge, edge & ways[word], carry_of_ways) & ~inside;
+    for (; found != 0; found &= found - 1) {
+      const int end = std::countr_zero(found);
+      std::uint64_t outside = ~inside & ((std::uint64_t{1} << end) - 1);
+      int at = word;
+      while (outside == 0) outside = ~(here[--at] ^ flip);
+      tops_.push_back({64 * at + 64 - std::countl_zero(outside), row_, dark_, 0, 0});
+    }
+  }
+}
+
+/// Whether the grey changes across the upper edge as it does at the edge of ink, and not as at the
+/// edge of a shadow.
+bool ConvexRegions::is_sharp(const RegionTop& top) const {
+  constexpr int kLongEnough = 24;  // pixels of the edge
+  constexpr int kLeastShare = 8;   // of the contrast nearby
+  const ImageView& image = threshold_->image();
+  const std::uint8_t* here = image.row(top.y);
+  const std::uint8_t* above = image.row(top.y - 1);
+  const int end = std::min(image.width(), top.x + kLongEnough);
+  const int least = threshold_->contrast(top.x, top.y);
+  for (int x = top.x; x < end && map_->dark(x, top.y) == top.dark; ++x)
+    if (kLeastShare * std::abs(here[x] - above[x]) >= least) return true;
+  return false;
+}
+
+/// Goes down both sides of a region from its top.
+template <bool kDark>
+bool ConvexRegions::may_be_convex(RegionTop& top) {
+  constexpr int kTouch = kDark ? 1 : 0;
+  const auto* row = reinterpret_cast<const std::uint8_t*>(map_->origin());
+  const std::ptrdiff_t stride = map_->bits_in_row() / 8;
+  const int width = map_->width();
+  const int height = map_->height();
+  row += top.y * stride;
+  int left = top.x;
+  const auto* tall = reinterpret_cast<const std::uint8_t*>(tall_.origin()) + top.y * stride;
+  int right = far_rightmost<kDark>(row, left, left, width);
+  if (left <= 0 || right >= width - 1) return false;
+  Side left_side(-left);
+  Side right_side(right);
+  int least = left;
+  int most = right;
+  std::int64_t area = 0;
+  ends_[0] = {left, right};
+  int rows = 1;
+  for (;; ++rows) {
+    area += right - left + 1;
+    row += stride;
+    if (top.y + rows >= height) return false;
+    const int low = left - kTouch;
+    const int high = right + kTouch;
+    const End left_end = leftmost<kDark>(row, tall, low, high);
+    const End right_end = rightmost<kDark>(row, tall, low, high, width);
+    tall += stride;
+    left = left_end.x;
+    if (left > high) break;
+    right = right_end.x;
+    if (left_end.from_above | right_end.from_above) return false;
+    if (left <= 0 || right >= width - 1) return false;
+    const int tolerance = 2 + rows / 16;
+    const bool convex = left_side.go_to(-left, tolerance) & right_side.go_to(right, tolerance);
+    if (!convex) return false;
+    least = std::min(least, left);
+    most = std::max(most, right);
+    ends_[static_cast<std::size_t>(rows)] = {left, right};
+  }
+  top.rows = rows;
+  top.columns = most - least + 1;
+  if (std::min(top.rows, top.columns) < limits_.least_extent) return false;
+  if (2 * (top.rows + top.columns) < limits_.least_length) return false;
+  return is_sharp(top) && outlines_quad(area, top.rows, top.columns) && is_news(top);
+}
+
+/// Whether beside some part of the region's sides there is the third grey that made a lower level
+/// necessary: bright there, dark in the middle. Otherwise that one finds the region as well.
+bool ConvexRegions::is_news(const RegionTop& top) const {
+  if (!known_) return true;
+  int news = 0;
+  for (int y = 0; y < top.rows; ++y) {
+    const Ends& ends = ends_[static_cast<std::size_t>(y)];
+    news += known_->dark(ends.left - 1, top.y + y) || known_->dark(ends.right + 1, top.y + y);
+  }
+  return 8 * news >= top.rows;
+}
+
+/// Whether a region's area is about that of the quadrilateral between the two points of its sides
+/// that are farthest from one another and those farthest from the line between them, on both sides.
+bool ConvexRegions::outlines_quad(std::int64_t area, int rows, int columns) const {
+  // Corners of pixels, x from the region's left end and y from its top.
+  const auto for_each_corner = [&](auto&& visit) {
+    for (int y = 0; y < rows; ++y) {
+      const Ends& ends = ends_[static_cast<std::size_t>(y)];
+      visit(ends.left, y);
+      visit(ends.left, y + 1);
+      visit(ends.right + 1, y);
+      visit(ends.right + 1, y + 1);
+    }
+  };
+  struct Corner {
+    int x, y;
+  };
+  const auto farthest_from = [&](int from_x, int from_y) {
+    Corner best{from_x, from_y};
+    std::int64_t most = -1;
+    for_each_corner([&](int x, int y) {
+      const std::int64_t dx = x - from_x;
+      const std::int64_t dy = y - from_y;
+      const std::int64_t squared = dx * dx + dy * dy;
+      if (squared <= most) return;
+      most = squared;
+      best = {x, y};
+    });
+    return best;
+  };
+  const Ends& middle = ends_[static_cast<std::size_t>(rows / 2)];
+  const Corner a = farthest_from((middle.left + middle.right) / 2, rows / 2);
+  const Corner c = farthest_from(a.x, a.y);
+  const std::int64_t dx = c.x - a.x;
+  const std::int64_t dy = c.y - a.y;
+  std::int64_t left = 0;
+  std::int64_t right = 0;
+  for_each_corner([&](int x, int y) {
+    const std::int64_t aside = dx * (y - a.y) - dy * (x - a.x);
+    right = std::max(right, aside);
+    left = std::min(left, aside);
+  });
+  const std::int64_t quad = right - left;  // twice its area
+  const std::int64_t length = 2 * (rows + columns);
+  if (static_cast<double>(quad + length) < 2.0 * limits_.least_area) return false;
+  // Half a pixel along the way is what noise takes; blur rounds corners.
+  const std::int64_t surplus = 2 * area - quad;
+  return surplus >= -quad / 6 - length && surplus <= quad / 8 + length / 2;
+}
+
+}  // namespace harco::detect

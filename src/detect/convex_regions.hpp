@@ -1,0 +1,70 @@
+// Second stage, first half: regions that may be convex, told from all others by few steps down
+// their two sides.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "detect/threshold.hpp"
+
+namespace harco::detect {
+
+/// What regions have to be like to be worth following.
+struct RegionLimits {
+  int least_extent = 1;     ///< of the bounding box's both sides, in pixels
+  int least_length = 4;     ///< of the way around it, in steps along the sides of pixels
+  double least_area = 0.0;  ///< square pixels
+};
+
+/// A region's first pixel, row by row from the left, and how large its bounding box is.
+struct RegionTop {
+  int x, y;
+  bool dark;
+  int columns, rows;
+};
+
+/// Finds the regions of a dark map that have about the shape of a quadrilateral, whatever they hold
+/// inside. A region is followed row by row from its top, by its leftmost and its rightmost pixel
+/// only: around something convex the one goes out to the left and back once, the other to the
+/// right. So most of what texture consists of costs some rows, nothing has to be remembered of it,
+/// and a row's way along a flat edge is one step. Dark pixels that touch at a corner hang together,
+/// bright ones don't. What touches the image's border isn't found.
+class ConvexRegions {
+ public:
+  /// Gets ready for the dark or the bright regions of one level.
+  void start(const Threshold& threshold, std::size_t level, bool dark, const RegionLimits& limits);
+
+  /// The next region, from the bottom of the image upwards; false if there is no more.
+  bool next(RegionTop& top);
+
+ private:
+  struct Ends {
+    int left, right;
+  };
+  void find_tall();
+  void find_ways_down();
+  void find_tops();
+  bool is_news(const RegionTop& top) const;
+  bool is_sharp(const RegionTop& top) const;
+  template <bool kDark>
+  bool may_be_convex(RegionTop& top);
+  bool outlines_quad(std::int64_t area, int rows, int columns) const;
+
+  const Threshold* threshold_ = nullptr;
+  const DarkMap* map_ = nullptr;
+  RegionLimits limits_;
+  bool dark_ = true;
+  const DarkMap* known_ = nullptr;  // at the low level, the map in which all others are found
+  int row_ = 0;
+  // Pixels of this row, and at first of the one below, from which a way within the region leads
+  // down for at least 1, 2 ... rows; one word of padding on either side.
+  std::vector<std::vector<std::uint64_t>> ways_;
+  std::vector<RegionTop> tops_;  // in this row
+  std::size_t next_top_ = 0;
+  std::vector<Ends> ends_;  // of the region, row by row
+  DarkMap tall_;            // where this and the two pixels above are the region's
+};
+
+}  // namespace harco::detect

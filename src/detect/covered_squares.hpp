@@ -1,0 +1,36 @@
+// Squares of which parts are covered or out of view, by what is straight of their sides.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "detect/contours.hpp"
+#include "detect/segments.hpp"
+#include "detect/side_quads.hpp"
+#include "detect/threshold.hpp"
+#include "harco/detect.hpp"
+#include "harco/image.hpp"
+
+namespace harco::detect {
+
+/// Looks in the picture at half its size: outlines are half as long there, and there are a quarter
+/// as many of them.
+class CoveredSquares {
+ public:
+  /// The most promising ones, in pixels of the ideal camera. With a calibration, three sides do.
+  /// `contrast` (grey levels) has to lie between both sides of what is taken for an edge.
+  std::vector<SideQuad> find(const ImageView& image, double least_side_px, double contrast,
+                             const std::optional<Eigen::Matrix3d>& calibration,
+                             DetectionTrace* trace = nullptr);
+
+ private:
+  Image half_;
+  Threshold threshold_;
+  BorderFollower follower_;
+  std::vector<Segment> segments_;
+};
+
+}  // namespace harco::detect

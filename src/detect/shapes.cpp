@@ -1,0 +1,111 @@
+#include "detect/shapes.hpp"
+
+#include <algorithm>
+#include <array>
+
+namespace harco::detect {
+namespace {
+
+/// A level of the threshold at which dark or bright regions are looked for.
+struct Pass {
+  std::size_t level;
+  bool dark;
+  double least_side;  // pixels
+};
+// A marker in shade beside sunlit ground is rare, and what is dark at the low level is mostly fine
+// texture: too much of it to look for small ones.
+constexpr std::array<Pass, 3> kPasses{{{Threshold::kMiddleLevel, true, 0.0},
+                                       {Threshold::kLineLevel, false, 0.0},
+                                       {Threshold::kLowLevel, true, 28.0}}};
+
+/// Corners of one shape at two thresholds are no farther apart than this, in pixels.
+double tolerance(const Shape& shape) { return 0.6 + 0.02 * mean_side(shape.corners); }
+
+bool same(const Shape& a, const Shape& b) {
+  if (a.hole != b.hole) return false;
+  const double limit = tolerance(a);
+  // Both run clockwise but may start at different corners.
+  for (std::size_t turn = 0; turn < 4; ++turn) {
+    bool all = true;
+    for (std::size_t i = 0; i < 4 && all; ++i)
+      all = (a.corners[i] - b.corners[(i + turn) % 4]).norm() < limit;
+    if (all) return true;
+  }
+  return false;
+}
+
+/// How many shapes of one picture are kept. Walls of tiles and pages of print have more.
+std::size_t most_shapes(const ImageView& image) {
+  constexpr std::size_t kPixelsPerShape = 1000;
+  const auto pixels =
+      static_cast<std::size_t>(image.width()) * static_cast<std::size_t>(image.height());
+  return 300 + pixels / kPixelsPerShape;
+}
+
+Image picture_of(const DarkMap& map) {
+  Image picture(map.width(), map.height(), 255);
+  for (int y = 0; y < map.height(); ++y)
+    for (int x = 0; x < map.width(); ++x)
+      if (map.dark(x, y)) picture.row(y)[x] = 0;
+  return picture;
+}
+
+}  // namespace
+
+void ShapeFinder::Index::clear(int width, int height) {
+  columns_ = width / kCell + 1;
+  rows_ = height / kCell + 1;
+  buckets_.resize(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_));
+  for (std::vector<int>& bucket : buckets_) bucket.clear();
+  shapes_.clear();
+}
+
+void ShapeFinder::Index::add(const Shape& shape) {
+  const Point middle = centre(shape.corners);
+  const int column = std::clamp(static_cast<int>(middle.x()) / kCell, 0, columns_ - 1);
+  const int row = std::clamp(static_cast<int>(middle.y()) / kCell, 0, rows_ - 1);
+  const int reach = 1 + static_cast<int>(tolerance(shape)) / kCell;
+  for (int r = std::max(0, row - reach); r <= std::min(rows_ - 1, row + reach); ++r)
+    for (int c = std::max(0, column - reach); c <= std::min(columns_ - 1, column + reach); ++c)
+      for (const int other : bucket(r, c))
+        if (same(shape, shapes_[static_cast<std::size_t>(other)])) return;
+  bucket(row, column).push_back(static_cast<int>(shapes_.size()));
+  shapes_.push_back(shape);
+}
+
+void ShapeFinder::Index::keep_largest(std::size_t most) {
+  if (shapes_.size() <= most) return;
+  std::stable_sort(shapes_.begin(), shapes_.end(), [](const Shape& a, const Shape& b) {
+    return mean_side(a.corners) > mean_side(b.corners);
+  });
+  shapes_.resize(most);
+}
+
+void ShapeFinder::find(const ImageView& image, const ShapeLimits& limits, DetectionTrace* trace) {
+  index_.clear(image.width(), image.height());
+  threshold_.measure(image);
+  if (trace)
+    for (std::size_t level = 0; level < Threshold::kLevels.size(); ++level)
+      trace->binary.push_back(picture_of(threshold_.map(level)));
+  for (const Pass& pass : kPasses) {
+    if (!(pass.dark ? limits.islands : limits.holes)) continue;
+    const double side = std::max(limits.min_side, pass.least_side);
+    RegionLimits outline;
+    outline.least_extent = static_cast<int>(0.5 * side);  // of a steep marker's bounding box
+    outline.least_length = static_cast<int>(2.8 * side);
+    outline.least_area = 0.25 * side * side;
+    regions_.start(threshold_, pass.level, pass.dark, outline);
+    follower_.start(threshold_, pass.level);
+    for (RegionTop top{}; regions_.next(top);) {
+      const Contour* contour = follower_.around(top);
+      if (!contour || contour->area < outline.least_area) continue;
+      if (trace) trace->contours.push_back(contour->points);
+      const auto quad = fit_quad(*contour);
+      if (quad && mean_side(*quad) >= 0.8 * side) index_.add({*quad, contour->hole});
+    }
+  }
+  count_ = index_.shapes().size();
+  index_.keep_largest(most_shapes(image));
+}
+
+}  // namespace harco::detect

@@ -1,0 +1,66 @@
+// The first stages together: the quadrilaterals of a picture, dark or bright.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "detect/contours.hpp"
+#include "detect/convex_regions.hpp"
+#include "detect/quad.hpp"
+#include "detect/threshold.hpp"
+#include "harco/detect.hpp"
+#include "harco/image.hpp"
+
+namespace harco::detect {
+
+/// A quadrilateral; seen at several thresholds it counts once.
+struct Shape {
+  Quad corners;  ///< right to about a pixel
+  bool hole;     ///< bright inside dark; otherwise dark inside bright
+};
+
+struct ShapeLimits {
+  double min_side = 10.0;  ///< pixels
+  bool holes = true;       ///< look for bright ones
+  bool islands = true;     ///< look for dark ones
+};
+
+class ShapeFinder {
+ public:
+  /// The pixels have to stay where they are for as long as the threshold is used. Adds what it went
+  /// through to `trace`, if there is one.
+  void find(const ImageView& image, const ShapeLimits& limits, DetectionTrace* trace = nullptr);
+
+  /// Of the last picture. At most 300 and one for each 1000 pixels, the largest ones.
+  const std::vector<Shape>& shapes() const { return index_.shapes(); }
+  std::size_t count() const { return count_; }  ///< before that limit
+  const Threshold& threshold() const { return threshold_; }
+
+ private:
+  /// The shapes found so far, by where their centres lie.
+  class Index {
+   public:
+    void clear(int width, int height);
+    void add(const Shape& shape);  ///< unless it is there already
+    void keep_largest(std::size_t most);
+    const std::vector<Shape>& shapes() const { return shapes_; }
+
+   private:
+    static constexpr int kCell = 16;  // pixels
+    std::vector<int>& bucket(int row, int column) {
+      return buckets_[static_cast<std::size_t>(row * columns_ + column)];
+    }
+    int columns_ = 0;
+    int rows_ = 0;
+    std::vector<std::vector<int>> buckets_;
+    std::vector<Shape> shapes_;
+  };
+
+  Threshold threshold_;
+  ConvexRegions regions_;
+  BorderFollower follower_;
+  Index index_;
+  std::size_t count_ = 0;
+};
+
+}  // namespace harco::detect
