@@ -57,10 +57,12 @@ void PlatformApproach::update(double now_s, double height_m, double /*climb_mps*
     if (!anew || now_s < plan_.predict_s || model_.phase() != DeckPhase::ready) return;
     forecast_ = model_.forecast();
     validation_ = model_.validation();
-    const double from_s = now_s + 0.5;
+    constexpr double kLead_s = 3.0;  // so that the third can be reached
+    const double from_s = now_s + kLead_s;
     windows_ =
         level_windows(*forecast_, plan_.level, from_s, from_s + plan_.ahead_s, plan_.windows);
-    if (windows_.size() >= 3) chosen_ = windows_[2];
+    for (std::size_t i = 2; i < windows_.size() && !chosen_; ++i)
+      if (windows_[i].middle_s() > now_s + height_m / plan_.speed_mps) chosen_ = windows_[i];
     return;
   }
   if (descent_ || !sees_deck) return;
