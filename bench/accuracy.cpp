@@ -80,12 +80,6 @@ constexpr std::array<MethodInfo, kMethods> kMethodInfo{{
     {"board of 24, joint, edges", "board_edges"},
 }};
 
-/// Rotation in radians; translation in metres across the line of sight to the marker's origin and
-/// along it.
-struct Parts {
-  double rotation = 0.0, lateral = 0.0, depth = 0.0;
-};
-
 /// One method in one frame.
 struct Outcome {
   bool found = false;
@@ -101,20 +95,6 @@ struct Frame {
   double side_px = 0.0, tilt_deg = 0.0;
   std::array<Outcome, kMethods> outcomes;
 };
-
-/// `sight` is the direction to the marker's origin, of length 1.
-Parts parts_of(const Vector6d& error, const Eigen::Vector3d& sight) {
-  const double depth = sight.dot(error.head<3>());
-  return {error.tail<3>().norm(), (error.head<3>() - depth * sight).norm(), std::abs(depth)};
-}
-
-/// Root mean squares of errors with this covariance.
-Parts parts_of(const Matrix6d& covariance, const Eigen::Vector3d& sight) {
-  const Eigen::Matrix3d place = covariance.topLeftCorner<3, 3>();
-  const double depth = sight.dot(place * sight);
-  return {std::sqrt(covariance.bottomRightCorner<3, 3>().trace()), std::sqrt(place.trace() - depth),
-          std::sqrt(depth)};
-}
 
 Outcome outcome_of(const std::optional<Estimate>& estimate, const Eigen::Isometry3d& truth,
                    const Matrix6d& bound) {

@@ -22,6 +22,18 @@ Vector6d error_of(const Eigen::Isometry3d& estimate, const Eigen::Isometry3d& tr
   return error;
 }
 
+Parts parts_of(const Vector6d& error, const Eigen::Vector3d& sight) {
+  const double depth = sight.dot(error.head<3>());
+  return {error.tail<3>().norm(), (error.head<3>() - depth * sight).norm(), std::abs(depth)};
+}
+
+Parts parts_of(const Matrix6d& covariance, const Eigen::Vector3d& sight) {
+  const Eigen::Matrix3d place = covariance.topLeftCorner<3, 3>();
+  const double depth = sight.dot(place * sight);
+  return {std::sqrt(covariance.bottomRightCorner<3, 3>().trace()), std::sqrt(place.trace() - depth),
+          std::sqrt(depth)};
+}
+
 std::optional<double> normalised_error_squared(const Estimate& estimate,
                                                const Eigen::Isometry3d& truth) {
   if (!estimate.covariance) return std::nullopt;

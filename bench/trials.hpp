@@ -28,6 +28,18 @@ struct Estimate {
 /// What must be added to the estimate to make it true, in the sense of Pose::covariance.
 Vector6d error_of(const Eigen::Isometry3d& estimate, const Eigen::Isometry3d& truth);
 
+/// Rotation in radians; translation in metres across the line of sight to the marker's origin and
+/// along it.
+struct Parts {
+  double rotation = 0.0, lateral = 0.0, depth = 0.0;
+};
+
+/// Of an error as error_of gives it. `sight` is the direction to the marker's origin, of length 1.
+Parts parts_of(const Vector6d& error, const Eigen::Vector3d& sight);
+
+/// Root mean squares of errors with this covariance.
+Parts parts_of(const Matrix6d& covariance, const Eigen::Vector3d& sight);
+
 /// The normalised error squared; empty without a covariance.
 std::optional<double> normalised_error_squared(const Estimate& estimate,
                                                const Eigen::Isometry3d& truth);

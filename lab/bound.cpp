@@ -42,7 +42,7 @@ Vector6d steps_of(const Scene& scene, const Rect& square, const Eigen::Isometry3
 
 /// The information about the parameters in units of `steps`.
 Matrix6d information_in_steps(const Scene& original, const std::vector<Sheet>& sheets, int placed,
-                              const Vector6d& steps) {
+                              const Effect& effect, const Vector6d& steps) {
   Scene scene = original;
   scene.background.reset();
   scene.grey = scene.white;
@@ -50,12 +50,17 @@ Matrix6d information_in_steps(const Scene& original, const std::vector<Sheet>& s
   const Eigen::Isometry3d truth = pose;
   const auto pixels = static_cast<Eigen::Index>(scene.camera.width) *
                       static_cast<Eigen::Index>(scene.camera.height);
+  const auto picture = [&] {
+    FloatImage image = render_exact(scene, sheets);
+    if (effect) effect(image);
+    return image;
+  };
   Eigen::Matrix<float, Eigen::Dynamic, 6> gradient(pixels, 6);
   for (int i = 0; i < 6; ++i) {
     pose = moved(truth, steps[i] * Vector6d::Unit(i));
-    const FloatImage ahead = render_exact(scene, sheets);
+    const FloatImage ahead = picture();
     pose = moved(truth, -steps[i] * Vector6d::Unit(i));
-    const FloatImage behind = render_exact(scene, sheets);
+    const FloatImage behind = picture();
     gradient.col(i) = 0.5F * (Eigen::Map<const Eigen::VectorXf>(ahead.pixels.data(), pixels) -
                               Eigen::Map<const Eigen::VectorXf>(behind.pixels.data(), pixels));
   }
@@ -85,14 +90,19 @@ Vector6d checked_steps(const Scene& scene, const std::vector<Sheet>& sheets, int
 Matrix6d pose_information(const Scene& scene, const std::vector<Sheet>& sheets, int placed) {
   const Vector6d steps = checked_steps(scene, sheets, placed);
   const Vector6d inverse = steps.cwiseInverse();
-  return inverse.asDiagonal() * information_in_steps(scene, sheets, placed, steps) *
+  return inverse.asDiagonal() * information_in_steps(scene, sheets, placed, {}, steps) *
          inverse.asDiagonal();
 }
 
 Matrix6d pose_bound(const Scene& scene, const std::vector<Sheet>& sheets, int placed) {
+  return pose_bound(scene, sheets, {}, placed);
+}
+
+Matrix6d pose_bound(const Scene& scene, const std::vector<Sheet>& sheets, const Effect& effect,
+                    int placed) {
   const Vector6d steps = checked_steps(scene, sheets, placed);
   const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(
-      information_in_steps(scene, sheets, placed, steps));
+      information_in_steps(scene, sheets, placed, effect, steps));
   const Vector6d& values = solver.eigenvalues();
   if (!(values[0] > kLeastShare * values[5]))
     throw std::invalid_argument("pose_bound: the picture does not fix the pose");

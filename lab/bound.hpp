@@ -1,6 +1,7 @@
 // How well a pose can be known from a picture at all: the Cramer-Rao bound.
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "harco/pose.hpp"
@@ -17,8 +18,14 @@ namespace harco::lab {
 /// an index that makes no sense.
 Matrix6d pose_information(const Scene& scene, const std::vector<Sheet>& sheets, int placed = 0);
 
+/// What light, lens and sensor make of an exact picture, before its noise. It stays where it is
+/// when the sheet moves.
+using Effect = std::function<void(FloatImage&)>;
+
 /// Its inverse: no unbiased estimate from one picture has a smaller covariance. Throws
 /// std::invalid_argument if the picture doesn't fix all of the pose.
 Matrix6d pose_bound(const Scene& scene, const std::vector<Sheet>& sheets, int placed = 0);
+Matrix6d pose_bound(const Scene& scene, const std::vector<Sheet>& sheets, const Effect& effect,
+                    int placed = 0);
 
 }  // namespace harco::lab
