@@ -313,7 +313,7 @@ bool Detector::Impl::set_corners(const Quad& ideal, const Matrix8d& covariance,
   detection.corners = corners;
   detection.corner_covariance = distorted * covariance * distorted.transpose();
   // Pictures without noise know corners perfectly, which no solver takes well.
-  constexpr double kLeastError = 0.003;  // pixels
+  constexpr double kLeastError = 0.001;  // pixels
   detection.corner_covariance.diagonal().array() += kLeastError * kLeastError;
   return true;
 }

@@ -417,8 +417,8 @@ std::optional<FittedQuad> meet(const std::array<FittedLine, 4>& lines) {
 
 // Blur may be no Gaussian, and ink no perfect black: what sharpened sides may be wrong by beside
 // the noise (standard deviation, pixels).
-constexpr double kShape = 0.002;
-constexpr double kNarrow = 0.09;       // besides, with bands of no width
+constexpr double kShape = 0.0015;
+constexpr double kNarrow = 0.10;       // besides, with bands of no width
 constexpr double kPixelPhase = 0.008;  // besides, along rows or columns of pixels (along_pixels)
 
 /// Whether a side runs along the pixels' rows or columns, so that all of its profiles meet them

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <vector>
 
 #include <Eigen/Cholesky>
@@ -12,6 +13,7 @@
 
 #include "pose/kernels/patch_loops.hpp"
 #include "pose/refine.hpp"
+#include "pose/shade.hpp"
 
 namespace harco {
 namespace {
@@ -26,11 +28,12 @@ using Matrix26d = Eigen::Matrix<double, 2, 6>;
 
 // What is solved for: (dt, w); the blur's second moments (the first alone where it is round); how
 // the camera's response bends; the levels of black, a plane over the marker, and of white, a
-// parabola.
-constexpr int kPose = 6, kBlur = 6, kGamma = 9, kBlack = 10, kWhite = 13, kUnknowns = 19;
+// parabola; in a shadow, what is left of white's and of black's light, and the shadow's shape.
+constexpr int kPose = 6, kBlur = 6, kGamma = 9, kBlack = 10, kWhite = 13, kShade = 19, kShape = 21,
+              kUnknowns = kShape + ShadowShape::kTerms;
 using Row = Eigen::Matrix<double, kUnknowns, 1>;
 using Normal = Eigen::Matrix<double, kUnknowns, kUnknowns>;
-constexpr int kLevels = kUnknowns - kBlack;
+constexpr int kLevels = kShade - kBlack;
 using Levels = Eigen::Matrix<double, kLevels, 1>;
 
 // Of more patches than plenty, those that tell most are looked at, until they tell this share of
@@ -50,10 +53,16 @@ constexpr int kFlatStep = 5;
 constexpr double kRound = 0.15;
 // A step that changes the blur by less than this share of it is the last.
 constexpr double kSameBlur = 0.15;
+// ... and that of white.
+constexpr double kSameLight = 0.02;
 // Beyond so many sigmas of the blur, an edge isn't seen any more.
 constexpr double kTail = 3.0;
 // About what to expect of the logarithm of the response's exponent, and what it may be.
-constexpr double kUsualBow = 0.01;  // of the light over the marker, as a share of it
+constexpr double kUsualBow = 0.04;  // of the light over the marker, as a share of it
+constexpr double kUsualTint =
+    0.3;  // how much more of black's light than of white's a shadow leaves
+constexpr double kMostShape = 100.0;  // by which the shadow's shape changes in a step
+constexpr double kUsualNoise = 2.0;   // grey levels, before it is known
 constexpr double kUsualLogGamma = 0.5, kLeastLogGamma = -0.4, kMostLogGamma = 1.1;
 // Tukey's constant: residuals of so many times the noise have no weight.
 constexpr float kTukey = 4.685F;
@@ -65,8 +74,8 @@ constexpr double kLeastContrast = 10.0, kLeastContrastToNoise = 4.0;
 constexpr double kLeastShare = 0.4;
 // From this share of the pixels on, nothing asks for another light (noise alone leaves 0.91).
 constexpr double kPlainShare = 0.88;
-// ... if patches as a whole fit no worse than this, too (noise alone leaves about 1).
-constexpr double kEven = 1.6;
+// ... if patches as a whole fit no worse than this, too, for many patches and by chance for few.
+constexpr double kEven = 0.65, kEvenByChance = 2.5, kMostEven = 1.3;
 // Where the pose puts a pixel no worse than this, its patch can be compared.
 constexpr double kTrustedPx = 0.4;
 // If nothing is as good as that: patches that are so many times as bad as the best, up to a limit.
@@ -109,6 +118,7 @@ struct Patch {
   double error_px = 0.0;  ///< of the pose, there
   bool trusted = false;   ///< whether that is good enough
   double gain = 1.0;      ///< light, where it is uneven
+  double gain_noise = 0.0;
   Local local;
 };
 
@@ -119,6 +129,9 @@ struct State {
   Matrix2d blur = kFirstVariance * Matrix2d::Identity();  ///< second moments
   double log_gamma = 0.0;  ///< of the response: grey ~ light^(1/gamma)
   Levels levels = Levels::Zero();
+  double shaded_white = 1.0, shaded_black = 1.0;  ///< what is left of their light in the shadow
+  Eigen::Matrix<double, ShadowShape::kTerms, 1> shape =
+      Eigen::Matrix<double, ShadowShape::kTerms, 1>::Zero();  ///< of the shadow
 };
 
 /// What a camera whose grey values go with the power 1/gamma of the light makes of a mixture of
@@ -182,6 +195,16 @@ double tukey_loss(double z2) {
   return c2 / 3.0 * (1.0 - q * q * q);
 }
 
+bool clipped(float grey) { return grey >= 255.0F || grey <= 0.0F; }
+
+/// Density of the normal distribution at z over what lies beyond z: the mean of that, too.
+double normal_hazard(double z) {
+  if (z > 6.0) return z + 1.0 / z;
+  if (z < -8.0) return 0.0;
+  constexpr double kDensity = std::numbers::inv_sqrtpi / std::numbers::sqrt2;
+  return kDensity * std::exp(-0.5 * z * z) / (0.5 * std::erfc(z / std::numbers::sqrt2));
+}
+
 /// Sums in a fixed order, eight at a time.
 constexpr std::size_t kLanes = 8;
 float sum_of(const std::array<float, kLanes>& lanes) {
@@ -203,9 +226,9 @@ float median(std::vector<float>& values) {
   return *middle;
 }
 
-/// Even light varies smoothly over the marker; in uneven light, that of a shadow,
-/// each patch has a gain of its own besides.
-enum class LightModel { even, uneven };
+/// Even light varies smoothly over the marker; a shadow leaves less of it in one part; in uneven
+/// light each patch has a gain of its own besides.
+enum class LightModel { even, shadow, uneven };
 
 /// How much residuals count: all of them, less and less (Huber), or not at all far out (Tukey).
 enum class Weights { huber, tukey };
@@ -222,17 +245,34 @@ class Aligner::Impl {
     outline_ = &outline;
     quiet_ = quiet;
     camera_ = camera;
-    std::optional<Alignment> even = run(LightModel::even, start, start_covariance);
-    if (even && even->share > kPlainShare && even->evenness < kEven) return even;
-    std::optional<Alignment> uneven = run(LightModel::uneven, start, start_covariance);
-    if (!even || !uneven) return uneven ? uneven : even;
-    return uneven->share / uneven->noise > even->share / even->noise ? uneven : even;
+    std::optional<Alignment> best;
+    for (const LightModel light : {LightModel::even, LightModel::shadow, LightModel::uneven}) {
+      // If all fits but for a little unevenness, it's no shadow.
+      if (light == LightModel::shadow && best && best->share > kPlainShare) continue;
+      const std::optional<Alignment> next = run(light, start, start_covariance);
+      if (!next) continue;
+      if (!best || goodness(*next) > goodness(*best)) best = next;
+      if (next->share > kPlainShare && next->evenness < even_enough()) break;
+    }
+    return best;
   }
 
  private:
+  double even_enough() const {
+    const double chance = kEvenByChance / std::sqrt(static_cast<double>(order_.size()));
+    return std::min(kMostEven, kEven + chance);
+  }
+
+  static double goodness(const Alignment& found) {
+    return found.share / (found.noise * std::sqrt(std::max(1.0, found.evenness)));
+  }
+
   std::optional<Alignment> run(LightModel light, const Isometry3d& start,
                                const std::optional<Matrix6d>& covariance) {
     light_ = light;
+    shaded_ = false;
+    spread_ = own_lights_ = 0.0;
+    scale_ = kUsualNoise;
     oriented_ = framed_ = false;
     centre_.setZero();
     trusted_px_ = kTrustedPx;
@@ -246,9 +286,15 @@ class Aligner::Impl {
       state_.blur *= trusted_px_ * trusted_px_ / kFirstVariance;
       if (!lay_patches()) return std::nullopt;
     }
-    choose_patches(kRoughPatches, 1.0);
+    choose_patches(light == LightModel::even ? kRoughPatches : kMostPatches, 1.0);
     if (!linearise() || !first_levels()) return std::nullopt;
+    if (light != LightModel::even) {
+      shaded_ = first_shadow();
+      if (!shaded_ && light == LightModel::shadow) return std::nullopt;
+      if (shaded_) state_.shape *= best_steepness();
+    }
     oriented_ = true;
+    if (shaded_) fit_light();
     linearise_levels();
     std::optional<double> moved = step(Weights::huber);
     if (!moved) return std::nullopt;
@@ -264,11 +310,13 @@ class Aligner::Impl {
         choose_patches(kMostPatches, kEnough);
       }
       if (!linearise()) return std::nullopt;
+      if (shaded_) fit_light();
       linearise_levels();
       moved = step(Weights::tukey);
       if (!moved) return std::nullopt;
       const bool grown = trusted_ > before;
-      if (*moved < kSettledPx && reblurred_ < kSameBlur && !grown) return finish(start, covariance);
+      if (*moved < kSettledPx && reblurred_ < kSameBlur && relit_ < kSameLight && !grown)
+        return finish(start, covariance);
     }
     return std::nullopt;
   }
@@ -574,6 +622,7 @@ class Aligner::Impl {
 
   bool linearise() {
     count_ = 0;
+    clipped_.clear();
     for (const std::size_t k : order_) sample(patches_[k]);
     return count_ >= kLeastSamples;
   }
@@ -639,8 +688,8 @@ class Aligner::Impl {
     const std::size_t size = std::max<std::size_t>(1024, 2 * (count_ + kPatch * kPatch));
     for (auto& column : columns_of_rows_) column.resize(size);
     for (auto& light : lights_) light.resize(size);
-    for (auto* values : {&grey_, &white_share_, &u_, &v_, &along_x_, &along_y_, &residuals_, &left_,
-                         &weights_, &weighted_})
+    for (auto* values : {&grey_, &white_share_, &u_, &v_, &along_x_, &along_y_, &residuals_,
+                         &pulled_, &left_, &weights_, &weighted_})
       values->resize(size);
   }
 
@@ -661,6 +710,7 @@ class Aligner::Impl {
       dx[i] = static_cast<float>(x - kMiddle);
       dy[i] = static_cast<float>(y - kMiddle);
       grey_[count_ + i] = static_cast<float>(image_(patch.x + x, patch.y + y));
+      if (clipped(grey_[count_ + i])) clipped_.push_back(count_ + i);
       white_share_[count_ + i] = 1.0F - picture_.ink[at];
       by_xx[i] = -0.5F * picture_.by_xx[at];
       by_xy[i] = -picture_.by_xy[at];
@@ -710,51 +760,159 @@ class Aligner::Impl {
     const double dark = static_cast<double>(median(black)),
                  bright = static_cast<double>(median(white));
     if (bright - dark < kLeastContrast) return false;
+    // If nearly all is clipped, the level is somewhere beyond.
+    constexpr double kBeyond = 0.5, kNearlyAll = 0.5;
+    const auto all_at = [](const std::vector<float>& greys, float limit) {
+      return static_cast<double>(std::count(greys.begin(), greys.end(), limit)) >
+             kNearlyAll * static_cast<double>(greys.size());
+    };
+    const double beyond = kBeyond * (bright - dark);
     state_.levels.setZero();
-    state_.levels(0) = dark;
-    state_.levels(kWhite - kBlack) = bright;
+    state_.levels(0) = dark - (all_at(black, 0.0F) ? beyond : 0.0);
+    state_.levels(kWhite - kBlack) = bright + (all_at(white, 255.0F) ? beyond : 0.0);
     return true;
   }
 
-  double contrast_at(double u, double v) const {
+  /// The shadow that paper shows, if there is one.
+  bool first_shadow() {
+    constexpr float kPaper = 0.9F;
+    std::vector<float> grey, u, v;
+    const std::size_t stride = count_ / 6000 + 1;
+    for (std::size_t i = 0; i < count_; i += stride)
+      if (white_share_[i] > kPaper) {
+        grey.push_back(grey_[i]);
+        u.push_back(u_[i]);
+        v.push_back(v_[i]);
+      }
+    const auto shadow = find_shadow(grey, u, v);
+    if (!shadow) return false;
+    state_.levels(0) *= shadow->lit / state_.levels(kWhite - kBlack);
+    state_.levels(kWhite - kBlack) = shadow->lit;
+    state_.shaded_white = state_.shaded_black = shadow->shaded / shadow->lit;
+    state_.shape = shadow->shape;
+    return true;
+  }
+
+  /// Levels and shadow alone, where the pose is good enough to tell black from white
+  /// (Levenberg-Marquardt).
+  void fit_light() {
+    constexpr int kSteps = 20;
+    constexpr double kSettled = 1e-4;  // of the misfit
+    constexpr double kMostDamping = 1e4;
+    light_alone_ = true;
+    linearise_levels();
+    double cost = misfit();
+    damping_ = 0.01;
+    for (int i = 0; i < kSteps && damping_ < kMostDamping; ++i) {
+      const State before = state_;
+      const std::optional<Row> move = solve(Weights::huber);
+      if (move) take_light(*move);
+      linearise_levels();
+      const double next = move ? misfit() : cost;
+      if (next < cost) {
+        damping_ *= 0.2;
+        const bool settled = cost - next < kSettled * cost;
+        cost = next;
+        if (settled) break;
+      } else {
+        damping_ *= 10.0;
+        state_ = before;
+        linearise_levels();
+      }
+    }
+    damping_ = 0.0;
+    light_alone_ = false;
+  }
+
+  /// How much steeper than said the shadow's edge is: what fits best of some.
+  double best_steepness() {
+    const State before = state_;
+    light_alone_ = true;
+    double best = 1.0, least = std::numeric_limits<double>::infinity();
+    for (const double times : {2.0, 1.0, 0.5, 0.25, 0.12}) {
+      state_.shape = times * before.shape;
+      linearise_levels();
+      if (const double cost = misfit(); cost < least) {
+        least = cost;
+        best = times;
+      }
+    }
+    light_alone_ = false;
+    state_ = before;
+    return best;
+  }
+
+  /// Mean size of the residuals.
+  double misfit() const {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < count_; ++i) sum += static_cast<double>(std::abs(residuals_[i]));
+    return sum / static_cast<double>(count_);
+  }
+
+  /// Grey levels at a place of the marker.
+  struct LevelsAt {
+    double black, white;
+  };
+  LevelsAt levels_at(double u, double v) const {
     const Levels& l = state_.levels;
-    return l(3) + u * (l(4) + l(6) * u + l(7) * v) + v * (l(5) + l(8) * v) - l(0) - l(1) * u -
-           l(2) * v;
+    const double bow = u * (l(6) * u + l(7) * v) + v * v * l(8);
+    LevelsAt at{l(0) + l(1) * u + l(2) * v + black_part() * bow, l(3) + l(4) * u + l(5) * v + bow};
+    if (!shaded_) return at;
+    const auto depth =
+        static_cast<double>(depth_at(static_cast<float>(u), static_cast<float>(v)).share);
+    at.black *= 1.0 - depth * (1.0 - state_.shaded_black);
+    at.white *= 1.0 - depth * (1.0 - state_.shaded_white);
+    return at;
+  }
+
+  /// Black's level as a share of white's.
+  double black_part() const {
+    return std::clamp(state_.levels(0) / std::max(1.0, state_.levels(kWhite - kBlack)), 0.01, 0.9);
+  }
+
+  ShadowShape::Depth depth_at(float u, float v) const {
+    return ShadowShape::depth(state_.shape.cast<float>().dot(ShadowShape::terms(u, v)));
   }
 
   /// From the shares to grey values.
   void linearise_levels() {
-    if (light_ == LightModel::uneven) find_gains();
     const Eigen::Matrix<float, kLevels, 1> levels = state_.levels.cast<float>();
-    const double dark = std::clamp(state_.levels(0) / std::max(1.0, state_.levels(3)), 0.01, 0.9);
-    response_.set(state_.log_gamma, dark);
+    response_.set(state_.log_gamma, black_part());
+    const auto dark_part = static_cast<float>(black_part());
+    if (light_ == LightModel::uneven && !light_alone_) find_gains();
     for (const std::size_t k : order_) {
       const Patch& patch = patches_[k];
       const auto gain = static_cast<float>(patch.gain);
       for (std::size_t i = patch.first; i < patch.first + patch.count; ++i) {
-        const float u = u_[i], v = v_[i], w = white_share_[i];
-        const float black = levels(0) + levels(1) * u + levels(2) * v;
-        const float contrast = levels(3) + u * (levels(4) + levels(6) * u + levels(7) * v) +
-                               v * (levels(5) + levels(8) * v) - black;
-        const auto [seen, rise, by_log_gamma] = response_.at(w);
-        const float slope = gain * contrast * rise;
-        for (Eigen::Index c = 0; c < kGamma; ++c) column(c)[i] *= slope;
-        column(kGamma)[i] = gain * contrast * by_log_gamma;
-        column(kBlack)[i] = gain * (1.0F - seen);
-        column(kBlack + 1)[i] = gain * (1.0F - seen) * u;
-        column(kBlack + 2)[i] = gain * (1.0F - seen) * v;
-        column(kWhite)[i] = gain * seen;
-        column(kWhite + 1)[i] = gain * seen * u;
-        column(kWhite + 2)[i] = gain * seen * v;
-        column(kWhite + 3)[i] = gain * seen * u * u;
-        column(kWhite + 4)[i] = gain * seen * u * v;
-        column(kWhite + 5)[i] = gain * seen * v * v;
-        residuals_[i] = grey_[i] - gain * (black + contrast * seen);
+        const float u = u_[i], v = v_[i];
+        const float bow = u * (levels(6) * u + levels(7) * v) + v * v * levels(8);
+        const float plane = levels(0) + levels(1) * u + levels(2) * v + dark_part * bow;
+        const float parabola = levels(3) + levels(4) * u + levels(5) * v + bow;
+        const auto [seen, rise, by_log_gamma] = response_.at(white_share_[i]);
+        float on_black = gain, on_white = gain;
+        if (shaded_) shade(i, gain, plane, parabola, seen, on_black, on_white);
+        const float black = on_black * plane, contrast = on_white * parabola - black;
+        const float slope = contrast * rise;
+        if (!light_alone_)
+          for (Eigen::Index c = 0; c < kGamma; ++c) column(c)[i] *= slope;
+        column(kGamma)[i] = contrast * by_log_gamma;
+        const float black_share = on_black * (1.0F - seen), share = on_white * seen;
+        column(kBlack)[i] = black_share;
+        column(kBlack + 1)[i] = black_share * u;
+        column(kBlack + 2)[i] = black_share * v;
+        column(kWhite)[i] = share;
+        column(kWhite + 1)[i] = share * u;
+        column(kWhite + 2)[i] = share * v;
+        const float both = share + dark_part * black_share;
+        column(kWhite + 3)[i] = both * u * u;
+        column(kWhite + 4)[i] = both * u * v;
+        column(kWhite + 5)[i] = both * v * v;
+        residuals_[i] = grey_[i] - (black + contrast * seen);
       }
     }
-    if (!oriented_)
+    if (!oriented_ && !light_alone_)
       for (std::size_t i = 0; i < count_; ++i) column(kBlur)[i] += column(kBlur + 2)[i];
-    if (light_ == LightModel::even) return;
+    if (spread_ == 0.0) return;
     for (std::size_t i = 0; i < count_; ++i) {
       const float seen = grey_[i] - residuals_[i];
       lights_[0][i] = seen;
@@ -763,28 +921,61 @@ class Aligner::Impl {
     }
   }
 
-  /// Each patch's gain from the median of what is white there.
+  /// What the shadow leaves of the light on black and white, and its part in the rows.
+  void shade(std::size_t i, float gain, float black, float white, float seen, float& on_black,
+             float& on_white) {
+    const float u = u_[i], v = v_[i];
+    const auto [share, slope] = depth_at(u, v);
+    const float less_white = 1.0F - static_cast<float>(state_.shaded_white);
+    const float less_black = 1.0F - static_cast<float>(state_.shaded_black);
+    column(kShade)[i] = gain * white * seen * share;
+    column(kShade + 1)[i] = gain * black * (1.0F - seen) * share;
+    const float by_value =
+        -gain * slope * (less_white * white * seen + less_black * black * (1.0F - seen));
+    const ShadowShape::Terms terms = ShadowShape::terms(u, v);
+    for (Eigen::Index t = 0; t < ShadowShape::kTerms; ++t)
+      column(kShape + t)[i] = by_value * terms(t);
+    on_black *= 1.0F - share * less_black;
+    on_white *= 1.0F - share * less_white;
+  }
+
+  /// Each patch's gain from the median of what is white there, as far as gains differ by more than
+  /// noise makes them.
   void find_gains() {
     constexpr float kWhitish = 0.6F;
-    const auto black = static_cast<float>(state_.levels(0));
-    const auto white = static_cast<float>(state_.levels(kWhite - kBlack));
-    std::vector<float> ratios;
+    constexpr std::size_t kLeast = 4;
+    constexpr double kLeastSpread = 0.003;
+    const double paper = std::max(1.0, state_.levels(kWhite - kBlack));
+    std::vector<float> ratios, apart;
     for (const std::size_t k : order_) {
       Patch& patch = patches_[k];
+      patch.gain = 1.0;
+      patch.gain_noise = 0.0;
       ratios.clear();
       for (std::size_t i = patch.first; i < patch.first + patch.count; ++i) {
         const float w = white_share_[i];
         if (w < kWhitish) continue;
-        ratios.push_back(grey_[i] / (black + (white - black) * w));
+        const LevelsAt at = levels_at(static_cast<double>(u_[i]), static_cast<double>(v_[i]));
+        const auto black = static_cast<float>(at.black), white = static_cast<float>(at.white);
+        ratios.push_back(grey_[i] / (black + (white - black) * response_.at(w).seen));
       }
-      if (ratios.size() > 3)
-        patch.gain = std::clamp(static_cast<double>(median(ratios)), 0.05, 20.0);
+      if (ratios.size() < kLeast) continue;
+      patch.gain = std::clamp(static_cast<double>(median(ratios)), 0.05, 20.0);
+      patch.gain_noise = 1.25 * scale_ / (paper * std::sqrt(double(ratios.size())));
+      apart.push_back(static_cast<float>(std::abs(patch.gain - 1.0)));
+    }
+    const double usual = apart.empty() ? 0.0 : 1.4826 * static_cast<double>(median(apart));
+    spread_ = std::max(kLeastSpread, usual);
+    for (const std::size_t k : order_) {
+      Patch& patch = patches_[k];
+      const double known = spread_ * spread_;
+      patch.gain = 1.0 + (patch.gain - 1.0) * known / (known + patch.gain_noise * patch.gain_noise);
     }
   }
 
   /// Takes what each patch's own light explains out of the normal equations.
   void eliminate_lights(const std::vector<float>& weights, Normal& normal, Row& pull) {
-    constexpr double kMostGain = 0.5, kMostSlope = 0.3;  // about what to expect, relative
+    own_lights_ = 0.0;
     for (const std::size_t k : order_) {
       Patch& patch = patches_[k];
       if (patch.count == 0) continue;
@@ -801,13 +992,14 @@ class Aligner::Impl {
           information(l, m) = static_cast<double>(
               dot(weighted_.data(), lights_[static_cast<std::size_t>(m)].data() + first, count));
         patch.local.pull(l) =
-            static_cast<double>(dot(weighted_.data(), residuals_.data() + first, count));
+            static_cast<double>(dot(weighted_.data(), pull_from() + first, count));
       }
-      const double noise2 = scale_ * scale_;
-      information.diagonal() +=
-          Vector3d(noise2 / (kMostGain * kMostGain), noise2 / (kMostSlope * kMostSlope),
-                   noise2 / (kMostSlope * kMostSlope));
+      const double known = scale_ * scale_ / (spread_ * spread_);
+      information.diagonal().array() += known;
       patch.local.inverse = information.inverse();
+      // Light of its own is expected to be none.
+      patch.local.pull(0) += known * (1.0 - patch.gain) / patch.gain;
+      own_lights_ += kLight - known * patch.local.inverse.trace();
       normal -= patch.local.shared * patch.local.inverse * patch.local.shared.transpose();
       pull -= patch.local.shared * patch.local.inverse * patch.local.pull;
     }
@@ -822,7 +1014,7 @@ class Aligner::Impl {
       if (by != 0.0F)
         for (std::size_t i = 0; i < count_; ++i) left_[i] -= by * row[i];
     }
-    if (light_ == LightModel::even) return;
+    if (spread_ == 0.0 || light_alone_) return;
     for (const std::size_t k : order_) {
       const Patch& patch = patches_[k];
       if (patch.count == 0) continue;
@@ -836,7 +1028,7 @@ class Aligner::Impl {
 
   /// Rows without what each patch's own light could do as well.
   void project_rows() {
-    if (light_ == LightModel::even) return;
+    if (spread_ == 0.0) return;
     for (const std::size_t k : order_) {
       const Patch& patch = patches_[k];
       if (patch.count == 0) continue;
@@ -852,24 +1044,43 @@ class Aligner::Impl {
 
   // --- least squares -----------------------------------------------------------------------------
 
-  /// What isn't solved for: a round blur has one unknown, and slopes of the light are the patches'
-  /// own affair where it is uneven.
+  /// What isn't solved for: a round blur has one unknown; a shadow's shape bears no steps that
+  /// nothing checks.
   bool frozen(Eigen::Index k) const {
+    if (light_alone_ && k < kBlack) return true;
     if (k == kBlur + 1 || k == kBlur + 2) return !oriented_;
-    return light_ == LightModel::uneven && k > kBlack && k != kWhite;
+    return k >= kShade && !(shaded_ && (k < kShape || light_alone_));
   }
 
   /// Noise from residuals of which fewer than half are wrong.
   double robust_scale(const std::vector<float>& residuals) {
     const std::size_t stride = count_ / 600 + 1;
     sizes_.clear();
-    for (std::size_t i = 0; i < count_; i += stride) sizes_.push_back(std::abs(residuals[i]));
+    for (std::size_t i = 0; i < count_; i += stride)
+      if (!clipped(grey_[i])) sizes_.push_back(std::abs(residuals[i]));
+    if (sizes_.empty()) return kRounding;
     return std::max(kRounding, 1.4826 * static_cast<double>(median(sizes_)));
   }
 
-  /// What is as bright or as dark as the image can be, and should be more so, tells nothing.
-  bool saturated(std::size_t i) const {
-    return (grey_[i] >= 255.0F && left_[i] < 0.0F) || (grey_[i] <= 0.0F && left_[i] > 0.0F);
+  /// Of what is as bright or as dark as the image can be, only that is known. It counts by what
+  /// noise beyond the limit would be on average (Tobin 1958): much, where the model falls short of
+  /// the limit, and nothing, where it exceeds it by far.
+  void weigh_clipped() {
+    if (clipped_.empty()) return;
+    std::copy_n(residuals_.begin(), count_, pulled_.begin());
+    for (const std::size_t i : clipped_) {
+      const bool bright = grey_[i] > 128.0F;
+      const double sign = bright ? 1.0 : -1.0;
+      const double limit = bright ? 254.5 : 0.5;
+      const double seen = static_cast<double>(grey_[i] - left_[i]);
+      const double beyond = sign * (limit - seen) / scale_;  // by how much the model falls short
+      const double hazard = normal_hazard(beyond);
+      const double weight = hazard * (hazard - beyond);
+      const double expected = weight > 1e-4 ? sign * scale_ * hazard / weight : 0.0;
+      weights_[i] *= static_cast<float>(weight > 1e-4 ? weight : 0.0);
+      pulled_[i] = residuals_[i] + static_cast<float>(expected) - left_[i];
+      left_[i] = static_cast<float>(expected);
+    }
   }
 
   void weigh(Weights kind) {
@@ -881,15 +1092,17 @@ class Aligner::Impl {
       for (std::size_t i = 0; i < count_; ++i)
         weights_[i] = 1.0F / std::sqrt(std::max(1.0F, left_[i] * left_[i] * inverse));
     }
-    for (std::size_t i = 0; i < count_; ++i)
-      if (saturated(i)) weights_[i] = 0.0F;
+    weigh_clipped();
   }
+
+  /// The residuals, those of clipped pixels as they would be on average.
+  const float* pull_from() const { return clipped_.empty() ? residuals_.data() : pulled_.data(); }
 
   /// Sum of weight * row * row^T, and of weight * row * residual.
   void accumulate(const std::vector<float>& weights, Normal& normal, Row& pull) {
     normal.setZero();
     pull.setZero();
-    std::array<const float*, kUnknowns + 1> rows{residuals_.data()};
+    std::array<const float*, kUnknowns + 1> rows{pull_from()};
     std::array<Eigen::Index, kUnknowns + 1> which{};
     std::array<float, kUnknowns + 1> sums{};
     std::size_t n = 1;
@@ -908,26 +1121,61 @@ class Aligner::Impl {
   }
 
   double own_unknowns() const {
-    return kUnknowns +
-           (light_ == LightModel::uneven ? kLight * static_cast<double>(order_.size()) : 0.0);
+    double count = own_lights_;
+    for (Eigen::Index k = 0; k < kUnknowns; ++k) count += frozen(k) ? 0.0 : 1.0;
+    return count;
   }
 
-  static std::optional<Normal> inverse_of(const Normal& normal) {
-    const Row size = normal.diagonal().cwiseSqrt();
-    if (!(size.minCoeff() > 0.0)) return std::nullopt;
-    const Normal scaled =
-        size.cwiseInverse().asDiagonal() * normal * size.cwiseInverse().asDiagonal();
-    const Eigen::LDLT<Normal> factored(scaled);
+  /// Of what is solved for; zero elsewhere.
+  std::optional<Normal> inverse_of(const Normal& normal) const {
+    using Some = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kUnknowns, kUnknowns>;
+    std::array<Eigen::Index, kUnknowns> which{};
+    Eigen::Index n = 0;
+    for (Eigen::Index k = 0; k < kUnknowns; ++k)
+      if (!frozen(k)) which[static_cast<std::size_t>(n++)] = k;
+    const auto at = [&](Eigen::Index i) { return which[static_cast<std::size_t>(i)]; };
+    Row size = Row::Zero();
+    for (Eigen::Index i = 0; i < n; ++i) {
+      if (!(normal(at(i), at(i)) > 0.0)) return std::nullopt;
+      size(i) = 1.0 / std::sqrt(normal(at(i), at(i)));
+    }
+    Some scaled(n, n);
+    for (Eigen::Index i = 0; i < n; ++i)
+      for (Eigen::Index j = 0; j < n; ++j) scaled(i, j) = size(i) * size(j) * normal(at(i), at(j));
+    const Eigen::LDLT<Some> factored(scaled);
     if (!(factored.vectorD().minCoeff() > 1e-9)) return std::nullopt;
-    Normal inverse = factored.solve(Normal::Identity());
-    inverse = size.cwiseInverse().asDiagonal() * inverse * size.cwiseInverse().asDiagonal();
-    if (!inverse.allFinite()) return std::nullopt;
+    const Some some = factored.solve(Some::Identity(n, n));
+    if (!some.allFinite()) return std::nullopt;
+    Normal inverse = Normal::Zero();
+    for (Eigen::Index i = 0; i < n; ++i)
+      for (Eigen::Index j = 0; j < n; ++j) inverse(at(i), at(j)) = size(i) * size(j) * some(i, j);
     return inverse;
   }
 
-  /// One Gauss-Newton step with weights that follow the linearised residuals. Returns how far it
-  /// moved the patches, pixels, root mean square.
-  std::optional<double> step(Weights kind) {
+  /// What is known beforehand.
+  void add_priors(Normal& normal, Row& pull) const {
+    const double noise2 = scale_ * scale_;
+    normal(kGamma, kGamma) += noise2 / (kUsualLogGamma * kUsualLogGamma);
+    pull(kGamma) -= noise2 / (kUsualLogGamma * kUsualLogGamma) * state_.log_gamma;
+    for (Eigen::Index k = kWhite + 3; k < kShade; ++k) {
+      const double usual = kUsualBow * std::max(1.0, state_.levels(kWhite - kBlack));
+      normal(k, k) += noise2 / (usual * usual);
+      pull(k) -= noise2 / (usual * usual) * state_.levels(k - kBlack);
+    }
+    if (!shaded_) return;
+    const double alike = noise2 / (kUsualTint * kUsualTint);
+    const double apart = state_.shaded_white - state_.shaded_black;
+    normal.block<2, 2>(kShade, kShade) +=
+        alike * (Eigen::Matrix2d() << 1.0, -1.0, -1.0, 1.0).finished();
+    pull(kShade) -= alike * apart;
+    pull(kShade + 1) += alike * apart;
+    const double steady = noise2 / (kMostShape * kMostShape);
+    for (Eigen::Index k = kShape; k < kUnknowns; ++k) normal(k, k) += steady;
+    if (light_alone_) normal.diagonal() *= 1.0 + damping_;
+  }
+
+  /// A Gauss-Newton step with weights that follow the linearised residuals.
+  std::optional<Row> solve(Weights kind) {
     const int rounds = kind == Weights::huber ? 3 : 2;
     std::copy_n(residuals_.begin(), count_, left_.begin());
     Row move = Row::Zero();
@@ -937,16 +1185,8 @@ class Aligner::Impl {
       weigh(kind);
       Row pull;
       accumulate(weights_, normal, pull);
-      if (light_ == LightModel::uneven) eliminate_lights(weights_, normal, pull);
-      // What is known beforehand.
-      const double noise2 = scale_ * scale_;
-      normal(kGamma, kGamma) += noise2 / (kUsualLogGamma * kUsualLogGamma);
-      pull(kGamma) -= noise2 / (kUsualLogGamma * kUsualLogGamma) * state_.log_gamma;
-      for (Eigen::Index k = kWhite + 3; k < kUnknowns; ++k) {
-        const double usual = kUsualBow * std::max(1.0, state_.levels(kWhite - kBlack));
-        normal(k, k) += noise2 / (usual * usual);
-        pull(k) -= noise2 / (usual * usual) * state_.levels(k - kBlack);
-      }
+      if (spread_ > 0.0 && !light_alone_) eliminate_lights(weights_, normal, pull);
+      add_priors(normal, pull);
       const auto inverse = inverse_of(normal);
       if (!inverse) return std::nullopt;
       move = *inverse * pull;
@@ -955,8 +1195,15 @@ class Aligner::Impl {
       apply(move);
     }
     scale_ = robust_scale(left_);
+    return move;
+  }
+
+  /// One step of everything. Returns how far it moved the patches, pixels, root mean square.
+  std::optional<double> step(Weights kind) {
+    const std::optional<Row> solved = solve(kind);
+    if (!solved) return std::nullopt;
+    const Row& move = *solved;
     weigh(Weights::tukey);
-    normal_ = normal;
     double moved = 0.0;
     for (const std::size_t k : order_)
       moved += (patches_[k].by_pose * move.head<kPose>()).squaredNorm();
@@ -976,9 +1223,40 @@ class Aligner::Impl {
     state_.blur = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(kLeastVariance).asDiagonal() *
                   eigen.eigenvectors().transpose();
     state_.log_gamma = std::clamp(state_.log_gamma + move(kGamma), kLeastLogGamma, kMostLogGamma);
-    state_.levels += move.tail<kLevels>();
+    take_light(move);
+    relit_ = std::abs(move(kWhite)) / std::max(1.0, state_.levels(kWhite - kBlack));
     covariance_ = noise_covariance();
     return moved;
+  }
+
+  void take_light(const Row& move) {
+    state_.levels += move.segment<kLevels>(kBlack);
+    if (!shaded_) return;
+    state_.shaded_white = std::clamp(state_.shaded_white + move(kShade), 0.02, 5.0);
+    state_.shaded_black = std::clamp(state_.shaded_black + move(kShade + 1), 0.02, 5.0);
+    state_.shape += move.tail<ShadowShape::kTerms>();
+    blunt_shadow();
+  }
+
+  /// No shadow's edge is steeper than pixels can show.
+  void blunt_shadow() {
+    constexpr double kSteepest = 2.0;  // per pixel
+    double steep = 0.0, count = 0.0;
+    for (std::size_t i = 0; i < count_; i += 7) {
+      const auto u = static_cast<double>(u_[i]), v = static_cast<double>(v_[i]);
+      const auto& c = state_.shape;
+      const double value = c(0) + u * (c(1) + u * c(3) + v * c(4)) + v * (c(2) + v * c(5));
+      if (std::abs(value) > 4.0) continue;
+      steep += Vector2d(c(1) + 2.0 * u * c(3) + v * c(4), c(2) + u * c(4) + 2.0 * v * c(5))
+                   .squaredNorm();
+      count += 1.0;
+    }
+    if (count == 0.0) return;
+    const Patch& patch = patches_[order_.front()];
+    const double per_pixel = 2.0 / outline_->square().width() *
+                             std::max(patch.place_by_x.norm(), patch.place_by_y.norm());
+    const double steepness = per_pixel * std::sqrt(steep / count);
+    if (steepness > kSteepest) state_.shape *= kSteepest / steepness;
   }
 
   /// Whether the blur differs between directions, surely and by enough to matter.
@@ -1009,26 +1287,24 @@ class Aligner::Impl {
     const double inverse_noise2 = 1.0 / (scale_ * scale_);
     double weight = 0.0, slope = 0.0, square = 0.0;  // sums of w, psi' and psi^2
     for (std::size_t i = 0; i < count_; ++i) {
-      if (saturated(i)) {
-        result.share += 1.0 / count;
-        continue;
-      }
       const auto z2 =
           static_cast<double>(left_[i]) * static_cast<double>(left_[i]) * inverse_noise2;
       result.loss += tukey_loss(z2);
       const double q = std::max(0.0, 1.0 - z2 / static_cast<double>(kTukey * kTukey));
+      result.share += q * q / count;
+      if (clipped(grey_[i])) continue;
       weight += q * q;
       slope += q * (5.0 * q - 4.0);
       square += z2 * q * q * q * q;
     }
-    result.share += weight / count;
     if (result.share < kLeastShare) return std::nullopt;
     for (const std::size_t k : order_) {
       const Vector2d at =
           2.0 * (patches_[k].place - Vector2d(outline_->square().x0, outline_->square().y0)) /
               outline_->square().width() -
           Vector2d::Ones();
-      const double contrast = patches_[k].gain * contrast_at(at.x(), at.y());
+      const LevelsAt levels = levels_at(at.x(), at.y());
+      const double contrast = patches_[k].gain * (levels.white - levels.black);
       if (contrast < kLeastContrast || contrast < kLeastContrastToNoise * scale_)
         return std::nullopt;
     }
@@ -1127,10 +1403,16 @@ class Aligner::Impl {
   bool oriented_ = false;               ///< whether the blur has a direction
   bool bends_ = false;                  ///< whether the lens bends lines
   double reach_ = 0.0;                  ///< of the blur, pixels
+  bool shaded_ = false;                 ///< whether a shadow is part of the model
+  bool light_alone_ = false;            ///< while the light alone is fitted
+  double damping_ = 0.0;                ///< of steps of the light alone
+  double spread_ = 0.0;      ///< of the patches' own lights, relative; zero if they have none
+  double own_lights_ = 0.0;  ///< how many unknowns they are worth
 
   PatchPainter painter_;
   Blur painted_;            ///< with which the patches are drawn
   double reblurred_ = 0.0;  ///< by how much of itself the last step changed the blur
+  double relit_ = 0.0;      ///< by how much of itself it changed the level of white
   PatchPicture picture_;
   struct Filed {
     int piece, before;
@@ -1151,10 +1433,12 @@ class Aligner::Impl {
 
   std::size_t count_ = 0;
   std::array<std::vector<float>, kUnknowns> columns_of_rows_;
-  std::vector<float> grey_, white_share_, u_, v_, residuals_, left_, weights_, weighted_, sizes_;
+  std::vector<float> grey_, white_share_, u_, v_, residuals_, pulled_, left_, weights_, weighted_,
+      sizes_;
+  std::vector<std::size_t> clipped_;      ///< samples as bright or as dark as can be
   std::vector<float> along_x_, along_y_;  ///< from a patch's middle, -1 ... 1
   std::array<std::vector<float>, kLight> lights_;
-  Normal normal_ = Normal::Zero(), inverse_ = Normal::Zero();
+  Normal inverse_ = Normal::Zero();
   double scale_ = 1.0;
 };
 

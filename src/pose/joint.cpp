@@ -17,7 +17,7 @@ constexpr double kInconsistent = 6.0;  // from here on not at all
 
 // Corners' errors have longer tails than the Gaussian law: a log-likelihood ratio is worth this
 // share.
-constexpr double kTrust = 0.7;
+constexpr double kTrust = 0.35;
 
 // Minima closer than this are one (radians).
 constexpr double kSameSolution = 0.005;

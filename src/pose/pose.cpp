@@ -29,7 +29,7 @@ Pose describe(const Eigen::Isometry3d& camera_T_marker, int parent,
 
 // Corners and gravity that make a second solution so much less likely (in log-likelihood) leave
 // nothing for the image to decide.
-constexpr double kExcludedLogRatio = 20.0;
+constexpr double kExcludedLogRatio = 12.0;
 
 // Solutions closer than this, in radians, are one.
 constexpr double kSameSolution = 0.005;
