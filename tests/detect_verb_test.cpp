@@ -179,32 +179,6 @@ TEST_F(DetectVerb, PaperFusionKnowsNoCovariance) {
   EXPECT_TRUE(line["poses"][0]["covariance"].is_null());
 }
 
-TEST_F(DetectVerb, NamesTheAlternativeOfADistantMarker) {
-  // Half tilted, 24 pixels across: with its mirrored tilt it looks nearly alike.
-  int open = 0;
-  for (int i = 0; i < 6; ++i) {
-    lab::Scene scene;
-    scene.camera = camera_;
-    scene.psf_sigma_px = 1.0;
-    scene.noise_sigma = 4.0;
-    scene.parents = {{0, lab::look_at_marker({0.25, 0.25}, 400.0 * 0.5 / 24.0, 0.3, i, 0.2 * i)}};
-    write_file(folder_ / "far.pgm", pgm(lab::render(scene, markers_, std::uint64_t(i))));
-    const CommandResult result = detect("--corners-only " + path("far.pgm"));
-    ASSERT_EQ(result.status, 0) << result.errors;
-    for (const json& pose : json::parse(result.output)["poses"]) {
-      ASSERT_EQ(pose.contains("alternative"), pose.contains("log_likelihood_ratio"));
-      if (!pose.contains("alternative")) continue;
-      ++open;
-      EXPECT_GE(pose["log_likelihood_ratio"].get<double>(), 0.0);
-      EXPECT_LE(pose["log_likelihood_ratio"].get<double>(), kDecidedLogRatio);
-      EXPECT_EQ(pose["alternative"]["rotation"].size(), 3U);
-      EXPECT_EQ(pose["alternative"]["translation"].size(), 3U);
-      EXPECT_NE(pose["alternative"]["rotation"], pose["rotation"]);
-    }
-  }
-  EXPECT_GT(open, 0);
-}
-
 TEST_F(DetectVerb, WithoutACameraThereAreMarkersButNoPoses) {
   write_file(folder_ / "a.pgm", pgm(frame(0)));
   const CommandResult result = detect(path("a.pgm"), /*with_camera=*/false);
