@@ -11,6 +11,7 @@
 #include "detect/edge_template.hpp"
 #include "detect/prediction.hpp"
 #include "detect/registration.hpp"
+#include "detect/relations.hpp"
 #include "detect/segments.hpp"
 #include "detect/side_quads.hpp"
 #include "harco/detect.hpp"
@@ -259,6 +260,28 @@ lab::Scene far_away(double side_px) {
   scene.parents.push_back(
       {0, lab::look_at_marker({0.5, 0.5}, 700.0 / side_px, 20 * kDegree, 0.3, 0.4)});
   return scene;
+}
+
+TEST(Relations, WhatIsPartlyCoveredHasToAgreeWithWhatIsWhole) {
+  const MarkerSet set = test::three_layers();
+  const std::vector<PlacedMarker> placed = place(set);
+  // A pixel is two millimetres; the child lies 0.3 of its side beside its place.
+  const auto seen = [&](std::size_t index, const Vector2d& shift_m) {
+    Detection detection;
+    detection.placed = static_cast<int>(index);
+    detection.layer = placed[index].layer;
+    for (std::size_t i = 0; i < 4; ++i)
+      detection.corners[i] = (placed[index].corners_m()[i] + shift_m) / 0.002;
+    return detection;
+  };
+  const detect::Relations relations(placed, detect::Lens());
+  Detection parent = seen(0, {0.0, 0.0});
+  const Detection child = seen(1, {0.3 * placed[1].side_m, 0.0});
+  EXPECT_FALSE(relations.agree(parent, child));
+  EXPECT_FALSE(relations.contradict(parent, child));
+  parent.visible = 0.3;
+  EXPECT_TRUE(relations.contradict(parent, child));
+  EXPECT_FALSE(relations.contradict(parent, seen(1, {0.0, 0.0})));
 }
 
 TEST(Inferred, SmallChildrenAreConfirmedWhereTheParentSaysTheyAre) {

@@ -61,7 +61,9 @@ bool Relations::contradict(const Detection& a, const Detection& b) const {
   const auto [larger, smaller] = larger_first(a, b);
   if (!contains(larger.corners, centre(smaller.corners))) return false;
   const auto away = disagreement(larger, smaller);
-  return !away || *away > kContradict;
+  // What was put together from remains has to agree with what was seen whole.
+  const bool whole = larger.visible == 1.0 && smaller.visible == 1.0;
+  return !away || *away > (whole ? kContradict : kAgree);
 }
 
 }  // namespace harco::detect

@@ -18,7 +18,8 @@ class Relations {
   /// Both are of one parent, and the larger in the image sees the smaller where it is.
   bool agree(const Detection& a, const Detection& b) const;
 
-  /// Both are of one parent, the smaller is seen within the larger, but not where it belongs.
+  /// Both are of one parent, the smaller is seen within the larger, but not where it belongs. A
+  /// partly covered marker contradicts what it doesn't agree with.
   bool contradict(const Detection& a, const Detection& b) const;
 
  private:
