@@ -303,8 +303,8 @@ Chapter StageTimes::summarise(Extent, const std::vector<Json>& results) const {
   };
   plot.series = {
       dots("#b9cfe8", all),
-      over_markers("HArCo, covered ones too, aligned", palette::kHarco, frames.seen, all),
-      over_markers("HArCo, whole ones, paper's fusion", palette::kPaper, frames.seen, as_paper),
+      over_markers("HArCo, covered ones too", palette::kHarco, frames.seen, all),
+      over_markers("HArCo, whole ones", palette::kPaper, frames.seen, as_paper),
       over_markers("OpenCV's ArUco", palette::kBaseline, frames.seen, frames.aruco)};
 
   chapter.blocks = {
