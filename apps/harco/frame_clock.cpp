@@ -41,8 +41,7 @@ std::optional<double> FrameClock::captured_s(
     case StampClock::unix_time:
       absolute_ = true;
       return frame.timestamp_s - unix_less_monotonic_s();
-    case StampClock::autopilot:
-      absolute_ = true;
+    case StampClock::autopilot:  // a simulator's, as a rule, which may not keep pace with ours
       return ours(frame.timestamp_s);
     default:
       return least_delayed(frame.timestamp_s, frame.received_s) - options_.latency_s;

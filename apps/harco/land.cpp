@@ -187,7 +187,7 @@ class Lander {
                               camera_.width, camera_.height));
     const auto captured_s =
         clock_.captured_s(frame, [this](double remote_s) { return link_.ours(remote_s); });
-    const auto vehicle = captured_s ? link_.vehicle_pose(*captured_s) : std::nullopt;
+    const auto vehicle = vehicle_at(frame, captured_s);
 
     FrameResult result;
     result.frame = frames_ - 1;
@@ -208,6 +208,13 @@ class Lander {
                  (clock_.absolute() && captured_s ? *captured_s : frame.received_s));
     if (!options_.record.empty()) lines_.write(harco::cli::json_line(result));
     show(view);
+  }
+
+  std::optional<VehiclePose> vehicle_at(const Frame& frame,
+                                        const std::optional<double>& captured_s) const {
+    if (frame.timed && stamps_of(options_.stamps) == StampClock::autopilot)
+      return link_.vehicle_pose_by_its_clock(frame.timestamp_s);
+    return captured_s ? link_.vehicle_pose(*captured_s) : std::nullopt;
   }
 
   /// A pad lies flat: the vehicle's own attitude tells a small marker's two solutions apart.

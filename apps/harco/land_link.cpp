@@ -56,7 +56,8 @@ void LandLink::wake() const {
 void LandLink::tell(TargetNews news) {
   {
     const std::lock_guard lock(mutex_);
-    news_ = std::move(news);
+    if (link_) news_.clear();
+    news_.push_back(std::move(news));
   }
   wake();
 }
@@ -80,6 +81,11 @@ void LandLink::order(FlightMode mode) {
 std::optional<VehiclePose> LandLink::vehicle_pose(double ours_s) const {
   const std::lock_guard lock(mutex_);
   return vehicle_.pose(ours_s);
+}
+
+std::optional<VehiclePose> LandLink::vehicle_pose_by_its_clock(double remote_s) const {
+  const std::lock_guard lock(mutex_);
+  return vehicle_.pose_by_its_clock(remote_s);
 }
 
 std::optional<double> LandLink::ours(double remote_s) const {
@@ -171,37 +177,37 @@ bool LandLink::send(const mavlink::Message& message, double now_s,
 }
 
 void LandLink::send_targets(double now_s) {
-  std::optional<TargetNews> news;
+  std::vector<TargetNews> all;
   Presence presence = Presence::unheard;
   {
     const std::lock_guard lock(mutex_);
-    news = std::exchange(news_, std::nullopt);
+    all = std::exchange(news_, {});
     presence = vehicle_.presence(now_s);
   }
-  if (!news || stopping_) return;
-
-  std::uint64_t LandLinkState::*became = &LandLinkState::targets;
-  if (now_s - news->since_s > options_.max_age_s) {
-    became = &LandLinkState::too_old;
-  } else if (now_s < next_target_s_) {
-    became = &LandLinkState::too_many;
-  } else if (presence == Presence::silent) {
-    became = &LandLinkState::not_taken;
-  } else {
-    bool all = true;
-    for (const mavlink::Message& message : news->messages)
-      all = send(message, now_s, news->captured_s) && all;
-    if (!all) became = &LandLinkState::not_taken;
-    const double period = options_.rate_hz > 0.0 ? 1.0 / options_.rate_hz : 0.0;
-    next_target_s_ = std::max(next_target_s_ + period, now_s - period);
-  }
-  const std::lock_guard lock(mutex_);
-  ++(state_.*became);
-  if (became == &LandLinkState::targets) {
+  if (link_ && stopping_) return;
+  for (const TargetNews& news : all) {
+    std::uint64_t LandLinkState::*const became = send_target(news, now_s, presence);
+    const std::lock_guard lock(mutex_);
+    ++(state_.*became);
+    if (became != &LandLinkState::targets) continue;
     told_s_ = now_s;
     if (!std::exchange(state_.target, true))
       texts_.push_back(status_text(mavlink::value::kSeverityInfo, "HArCo: target found"));
   }
+}
+
+/// Sends it, if it may be sent. Returns what it counts as.
+std::uint64_t LandLinkState::*LandLink::send_target(const TargetNews& news, double now_s,
+                                                    Presence presence) {
+  if (now_s - news.since_s > options_.max_age_s) return &LandLinkState::too_old;
+  if (now_s < next_target_s_) return &LandLinkState::too_many;
+  if (presence == Presence::silent) return &LandLinkState::not_taken;
+  bool all = true;
+  for (const mavlink::Message& message : news.messages)
+    all = send(message, now_s, news.captured_s) && all;
+  const double period = options_.rate_hz > 0.0 ? 1.0 / options_.rate_hz : 0.0;
+  next_target_s_ = std::max(next_target_s_ + period, now_s - period);
+  return all ? &LandLinkState::targets : &LandLinkState::not_taken;
 }
 
 void LandLink::watch_target(double now_s) {

@@ -70,6 +70,7 @@ class LandLink {
   void order(FlightMode mode);
 
   std::optional<VehiclePose> vehicle_pose(double ours_s) const;
+  std::optional<VehiclePose> vehicle_pose_by_its_clock(double remote_s) const;
   std::optional<double> ours(double remote_s) const;
   std::optional<VehicleLink::OrderResult> order_result() const;
   LandLinkState state() const;
@@ -78,6 +79,8 @@ class LandLink {
   void run();
   void wait();
   void send_targets(double now_s);
+  std::uint64_t LandLinkState::*send_target(const TargetNews& news, double now_s,
+                                            Presence presence);
   void watch_target(double now_s);
   bool send(const mavlink::Message& message, double now_s, std::optional<double> captured_s);
   void wake() const;
@@ -89,8 +92,8 @@ class LandLink {
   std::atomic<bool> stopping_ = false;
 
   mutable std::mutex mutex_;
-  VehicleLink vehicle_;  ///< under the mutex, as all that follows
-  std::optional<TargetNews> news_;
+  VehicleLink vehicle_;           ///< under the mutex, as all that follows
+  std::vector<TargetNews> news_;  ///< one, or without a link as many as there are
   std::vector<mavlink::Message> texts_;
   LandLinkState state_;
 

@@ -128,6 +128,7 @@ class VehicleLink {
   const VehicleHistory& history() const { return history_; }
   /// Where it was at a time of ours; empty unless its attitude is known.
   std::optional<VehiclePose> pose(double ours_s) const;
+  std::optional<VehiclePose> pose_by_its_clock(double remote_s) const;
 
   std::optional<mavlink::Address> vehicle() const { return vehicle_; }
   bool armed() const { return (heartbeat_.base_mode & mavlink::value::kArmed) != 0; }

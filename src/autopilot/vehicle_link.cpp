@@ -192,10 +192,13 @@ Presence VehicleLink::presence(double now_s) const {
 
 std::optional<VehiclePose> VehicleLink::pose(double ours_s) const {
   const auto remote_s = clock_.remote(ours_s);
-  if (!remote_s) return std::nullopt;
-  const auto ned_R_body = history_.ned_R_body(*remote_s);
+  return remote_s ? pose_by_its_clock(*remote_s) : std::nullopt;
+}
+
+std::optional<VehiclePose> VehicleLink::pose_by_its_clock(double remote_s) const {
+  const auto ned_R_body = history_.ned_R_body(remote_s);
   if (!ned_R_body) return std::nullopt;
-  return VehiclePose{*ned_R_body, history_.ned_p_body(*remote_s)};
+  return VehiclePose{*ned_R_body, history_.ned_p_body(remote_s)};
 }
 
 bool VehicleLink::landing() const {
