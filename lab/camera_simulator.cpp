@@ -117,7 +117,7 @@ class Light {
     };
     slope_ = in_plane(stage.light_slope_per_m, 1.0);
     for (const Shadow& shadow : stage.shadows)
-      shadows_.push_back({in_plane(shadow.towards, -shadow.offset_m), shadow});
+      shadows_.emplace_back(in_plane(shadow.towards, -shadow.offset_m), shadow);
   }
 
   bool even() const { return even_; }
@@ -463,6 +463,12 @@ FloatImage convolved(const FloatImage& image, const FloatImage& kernel) {
 // --- Sensor
 // ----------------------------------------------------------------------------------------
 
+/// The nearest whole number to one that isn't negative; quicker than the standard library's.
+int nearest(float value) {
+  const float raised = value + 0.5F;
+  return static_cast<int>(raised);
+}
+
 /// Normal numbers from a table of equally likely ones, four from every 64 random bits.
 class Noise {
  public:
@@ -599,9 +605,9 @@ Image CameraSimulator::expose(FloatImage light, std::uint64_t seed) const {
     if (noisy)
       level += sd[static_cast<std::size_t>(std::clamp(level, 0.0F, 511.0F))] * noise.next();
     level = std::clamp(level + static_cast<float>(effects_.black_level), 0.0F, 255.0F);
-    if (!curve.empty()) level = curve[static_cast<std::size_t>(level * (kCurve / 255.0F) + 0.5F)];
+    if (!curve.empty()) level = curve[static_cast<std::size_t>(nearest(level * (kCurve / 255.0F)))];
     if (effects_.bits < 8) level = std::floor(level * to_code + 0.5F) / to_code;
-    image.pixels[i] = static_cast<std::uint8_t>(level + 0.5F);
+    image.pixels[i] = static_cast<std::uint8_t>(nearest(level));
   }
   return image;
 }
