@@ -94,11 +94,25 @@ class DetectVerb : public ::testing::Test {
     return folder_ / name;
   }
 
-  std::string path(const std::string& name) const { return "'" + (folder_ / name).string() + "'"; }
+  std::string path(const std::string& name) const {
+    std::string quoted = "'";
+    quoted += (folder_ / name).string();
+    return quoted += "'";
+  }
 
   CommandResult detect(const std::string& arguments, bool with_camera = true) const {
     return run_harco("detect --markers " + path("markers.json") +
                      (with_camera ? " --camera " + path("camera.yaml") : "") + " " + arguments);
+  }
+
+  /// A script: detect reads a pipe into which somebody writes one picture, and which he then holds
+  /// open. Once its line has come, Ctrl-C.
+  std::string one_picture_then_silence(const std::string& picture) const {
+    return "exec 9<>" + path("pipe") + "\n'" HARCO_COMMAND "' detect --markers " +
+           path("markers.json") + " --camera " + path("camera.yaml") + " --output " +
+           path("seen.jsonl") + " 'pgm:" + (folder_ / "pipe").string() + "' 9>&- & P=$!\ncat " +
+           path(picture) + " >&9\nfor i in $(seq 3000); do [ -s " + path("seen.jsonl") +
+           " ] && break; sleep 0.02; done\nkill -INT $P; wait $P\n";
   }
 
   /// A run that must fail with one line that says `what`.
@@ -383,6 +397,135 @@ TEST_F(DetectVerb, TracksThroughTime) {
   EXPECT_FALSE(json_lines(joint.output)[2]["poses"][0]["covariance"].is_null());
 }
 
+TEST_F(DetectVerb, TracksHaveVelocityAndCovariance) {
+  // Frame i is 0.1 m farther than the one before, ten frames a second; one of them is empty.
+  for (int i = 0; i < 8; ++i)
+    write_file(folder_ / ("go-" + std::to_string(i) + ".pgm"), pgm(frame(0, i != 6)));
+  std::string moving;
+  for (int i = 0; i < 8; ++i) moving += path("go-" + std::to_string(i) + ".pgm") + " ";
+  const CommandResult result = detect("--track --frame-rate 10 " + moving);
+  ASSERT_EQ(result.status, 0) << result.errors;
+  const std::vector<json> lines = json_lines(result.output);
+  ASSERT_EQ(lines.size(), 8U);
+  EXPECT_EQ(lines[0]["tracks"][0]["status"], "searching");
+  EXPECT_EQ(lines[5]["tracks"][0]["status"], "tracking");
+  EXPECT_TRUE(lines[6]["poses"].empty());
+  const json& track = lines[6]["tracks"][0];  // not seen, but foretold
+  EXPECT_EQ(track["parent"], 4);
+  EXPECT_NEAR(track["measured_s"], 0.5, 1e-9);
+  EXPECT_EQ(track["covariance"].size(), 12U);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_NEAR(track["translation"][i], pose(0).translation()(static_cast<int>(i)), 0.02);
+    EXPECT_NEAR(track["velocity"][i], 0.0, 0.1);
+  }
+  // The paper's filter, chosen for the joint poses.
+  const CommandResult paper = detect("--track --filter low-pass " + moving);
+  EXPECT_FALSE(json_lines(paper.output)[5].contains("tracks"));
+  EXPECT_TRUE(json_lines(paper.output)[5]["poses"][0]["covariance"].is_null());
+}
+
+TEST_F(DetectVerb, ARecordPlaysTheSameAgain) {
+  const fs::path pictures = write_frames("pictures", 6);
+  for (const std::string options : {"--track", "--track --swell 0", "--track --fusion paper", ""}) {
+    const CommandResult result =
+        detect(options + " --corners-only --record " + path("record.jsonl") + " '" +
+               pictures.string() + "' " + path("pictures/frame-8.pgm"));
+    ASSERT_EQ(result.status, 0) << result.errors;
+    const CommandResult again = run_harco("replay " + path("record.jsonl"));
+    EXPECT_EQ(again.status, 0) << again.errors;
+    EXPECT_EQ(again.output, result.output) << options;
+    const std::vector<json> record = json_lines(read_file(folder_ / "record.jsonl"));
+    ASSERT_EQ(record.size(), 8U);
+    EXPECT_EQ(record[0]["format"], "harco-record");
+    EXPECT_EQ(record[1]["record"]["measured"].size(), 1U);
+    EXPECT_GT(record[1]["record"]["detect_ms"], 0.0);
+  }
+  // Cut off, it ends before; other things are refused.
+  const std::string whole = read_file(folder_ / "record.jsonl");
+  write_file(folder_ / "cut.jsonl", whole.substr(0, whole.size() - 10));
+  EXPECT_EQ(lines_of(run_harco("replay " + path("cut.jsonl")).output).size(), 6U);
+  const std::string header = whole.substr(0, whole.find('\n') + 1);
+  write_file(folder_ / "odd.jsonl", header + "{}\n");
+  for (const auto& [name, what] :
+       std::vector<std::pair<std::string, std::string>>{{"missing.jsonl", "can't be opened"},
+                                                        {"markers.json", "line 1"},
+                                                        {"odd.jsonl", "line 2"},
+                                                        {"pictures/frame-8.pgm", "line 1"}}) {
+    const CommandResult refused = run_harco("replay " + path(name));
+    EXPECT_EQ(refused.status, 2) << name;
+    EXPECT_TRUE(contains(refused.errors, what)) << refused.errors;
+    EXPECT_EQ(lines_of(refused.errors).size(), 1U);
+  }
+}
+
+TEST_F(DetectVerb, RecordsVideo) {
+  write_frames("pictures", 3);
+  ASSERT_EQ(detect(path("pictures") + " --record-video " + path("film.avi")).status, 0);
+  EXPECT_EQ(json_lines(detect(path("film.avi")).output).size(), 3U);
+}
+
+TEST_F(DetectVerb, CtrlCEndsAStalledPipeAtOnce) {
+  ASSERT_EQ(mkfifo((folder_ / "pipe").c_str(), 0600), 0);
+  write_file(folder_ / "one.pgm", pgm(frame(0)));
+  write_file(folder_ / "script", one_picture_then_silence("one.pgm"));
+  const CommandResult result = run_shell("bash -m " + path("script"));
+  EXPECT_EQ(result.status, 0) << result.errors;
+  EXPECT_EQ(lines_of(read_file(folder_ / "seen.jsonl")).size(), 1U);
+}
+
+TEST_F(DetectVerb, AStreamsFirstUnfittingPictureIsToldWhenItComes) {
+  ASSERT_EQ(mkfifo((folder_ / "pipe").c_str(), 0600), 0);
+  write_file(folder_ / "small.pgm", "P5 2 2 255\nabcd");
+  write_file(folder_ / "script", one_picture_then_silence("small.pgm"));
+  EXPECT_EQ(run_shell("bash -m " + path("script")).status, 1);
+  EXPECT_TRUE(contains(read_file(folder_ / "seen.jsonl"), "320 x 240"));
+}
+
+TEST_F(DetectVerb, ReadsAnRtpStreamThatStopsAndComesBack) {
+  if (!has_program("gst-launch-1.0")) GTEST_SKIP() << "gst-launch-1.0 is missing";
+  ASSERT_EQ(run_shell("gst-inspect-1.0 rtpjpegpay").status, 0);
+  write_file(folder_ / "one.pgm", pgm(frame(0)));
+  ASSERT_EQ(detect("--annotate " + path("one.png") + " " + path("one.pgm")).status, 0);
+  // The first sender is killed in its midst; the second one goes on until it is seen.
+  const std::string sender =
+      "gst-launch-1.0 -q filesrc location=" + path("one.png") +
+      " ! pngdec ! imagefreeze is-live=true ! video/x-raw,framerate=20/1 ! videoconvert ! "
+      "video/x-raw,format=I420 ! jpegenc quality=95 ! rtpjpegpay ! "
+      "udpsink host=127.0.0.1 port=$PORT & S=$!\n";
+  const std::string seen = path("seen.jsonl");
+  const auto until_more_than = [&](const std::string& count) {
+    return "for i in $(seq 3000); do [ $(cat " + seen + " 2>/dev/null | wc -l) -gt " + count +
+           " ] && break; sleep 0.02; done\n";
+  };
+  write_file(folder_ / "script",
+             "PORT=$((20000 + $$ % 20000))\n'" HARCO_COMMAND "' detect --markers " +
+                 path("markers.json") + " --camera " + path("camera.yaml") + " --output " + seen +
+                 " \"rtp://127.0.0.1:$PORT?encoding=JPEG\" & P=$!\n" + sender +
+                 until_more_than("5") + "kill -KILL $S; N=$(wc -l < " + seen + ")\n" + sender +
+                 until_more_than("$((N + 5))") + "kill $S; kill -INT $P; wait $P\n");
+  const CommandResult result = run_shell("bash -m " + path("script"));
+  EXPECT_EQ(result.status, 0) << result.errors;
+  const std::vector<json> lines = json_lines(read_file(folder_ / "seen.jsonl"));
+  ASSERT_GT(lines.size(), 10U);
+  double before = 0.0;
+  for (const json& line : lines) {
+    EXPECT_GT(line["timestamp_s"], before);  // when they were taken
+    before = line["timestamp_s"];
+    EXPECT_EQ(line["size"], (json{320, 240}));
+    ASSERT_EQ(line["poses"].size(), 1U);
+    EXPECT_NEAR(line["poses"][0]["translation"][2], pose(0).translation().z(), 0.02);
+  }
+}
+
+TEST(Start, NeedsNoVideoLibraries) {
+  // What starts slowly is loaded when it is needed; the rest starts in some milliseconds.
+  const CommandResult libraries = run_shell("ldd '" HARCO_COMMAND "'");
+  ASSERT_EQ(libraries.status, 0);
+  for (const char* slow : {"opencv", "gst", "glib", "avcodec"})
+    EXPECT_FALSE(contains(libraries.output, slow)) << slow;
+  EXPECT_LT(lines_of(libraries.output).size(), 25U) << libraries.output;
+}
+
 // --- Wrong input --------------------------------------------------------------------------------
 
 TEST_F(DetectVerb, AnUnreadablePictureAmongManyHasItsLine) {
@@ -500,7 +643,8 @@ TEST_F(DetectVerb, RefusesWhatCantBeWritten) {
   write_frames("pictures", 2);
   const std::string pictures = path("pictures");
   expect_refused(pictures + " --output " + path("no/such/folder"), "can't be written");
-  expect_refused(pictures + " --output " + pictures, "can't be written");
+  fs::create_directories(folder_ / "other");
+  expect_refused(pictures + " --output " + path("other"), "can't be written");
   expect_refused(pictures + " --output /dev/full", "can't be written");
   expect_refused(pictures + " --csv " + path("no/such/folder"), "can't be written");
   expect_refused(pictures + " --annotate " + path("markers.json/x"), "can't be made");
@@ -522,6 +666,15 @@ TEST_F(DetectVerb, RefusesWrongOptionsAndFiles) {
   expect_refused(a + " --track --memory 3 3", "--memory");
   expect_refused(a + " --track --memory 3 3 0", "memory");
   expect_refused(a + " --track --time-constant -1", "--time-constant");
+  expect_refused(a + " --track --time-constant nan", "--time-constant");
+  expect_refused(a + " --frame-rate nan", "--frame-rate");
+  expect_refused(a + " --track --swell nan", "--swell");
+  expect_refused(a + " --output " + a, "a.pgm: is the output and a source as well");
+  expect_refused(a + " --csv " + path("markers.json"), "markers.json: is the table");
+  expect_refused("'pgm:" + (folder_ / "a.pgm").string() + "' --record " + path("./a.pgm"),
+                 "is the record and a source");
+  expect_refused(a + " --output " + path("x") + " --csv " + path("x"), "and the output as well");
+  expect_refused(a + " --csv -", "-: is the table");
   expect_refused("", "SOURCE");
   expect_refused(a + " --unknown", "--unknown");
 

@@ -1,10 +1,13 @@
 // harco detect: what is seen in pictures, videos and streams, and where it stands.
 #include <atomic>
 #include <cmath>
+#include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 #include <sstream>
 #include <string>
+#include <system_error>
 #include <tuple>
 #include <vector>
 
@@ -17,6 +20,7 @@
 #include "harco/camera.hpp"
 #include "harco/detect.hpp"
 #include "harco/error.hpp"
+#include "harco/guided.hpp"
 #include "harco/pose.hpp"
 #include "harco/track.hpp"
 #include "interrupt.hpp"
@@ -24,7 +28,9 @@
 #include "output_stream.hpp"
 #include "overlay.hpp"
 #include "progress.hpp"
+#include "record.hpp"
 #include "results.hpp"
+#include "tracking.hpp"
 #include "verbs.hpp"
 
 namespace harco::cli {
@@ -51,17 +57,38 @@ struct DetectOptions {
   DetectorOptions detector;
   bool track = false;
   std::tuple<int, int, int> memory{3, 3, 10};  ///< a, b, c of the paper's rule
+  std::string filter;                          ///< "" goes by the fusion
   double time_constant_s = 0.1;
+  std::optional<double> swell_s;
+  std::string record;
+  std::string record_video;
   double frame_rate = 0.0;
   bool live = false;
   int jobs = 1;
 };
 
+/// How poses over time are filtered, if they are.
+std::optional<TrackingOptions> tracking_of(const DetectOptions& options) {
+  if (!options.track) return std::nullopt;
+  TrackingOptions tracking;
+  const bool paper =
+      options.filter.empty() ? options.fusion == "paper" : options.filter == "low-pass";
+  if (paper) tracking.kind = FilterKind::low_pass;
+  tracking.time_constant_s = options.time_constant_s;
+  if (options.swell_s) {
+    tracking.filter.swell.emplace();
+    tracking.filter.swell->period_s = *options.swell_s;
+  }
+  return tracking;
+}
+
 /// A frame on its way from the threads that look at it to the one that writes.
 struct Finished {
   Frame frame;
   FrameResult result;
-  ColourImage annotated;  ///< empty unless it was asked for
+  ColourImage annotated;       ///< empty unless it was asked for
+  std::vector<Pose> measured;  ///< the poses before anything made use of time
+  FrameTiming timing;
 };
 
 /// Looks at frames: a detector and all that it needs to become poses.
@@ -72,19 +99,23 @@ class Observer {
       : options_(options),
         camera_(camera),
         pose_options_{options.fusion == "paper" ? Fusion::paper : Fusion::joint,
-                      !options.corners_only, gravity_of(options)},
-        detector_(markers, detector_options()) {
+                      !options.corners_only, gravity_of(options)} {
+    // What is explained is explained of whole pictures.
+    if (options.track && camera && options.explain.empty())
+      guided_.emplace(markers, detector_options());
+    else
+      detector_.emplace(markers, detector_options());
     if (options.track) start_tracking();
   }
 
   /// Whether frames are wanted in colour.
   static bool needs_colour(const DetectOptions& options) {
-    return !options.annotate.empty() || !options.explain.empty();
+    return !options.annotate.empty() || !options.explain.empty() || !options.record_video.empty();
   }
 
   Finished look_at(Frame frame) {
     load(frame, needs_colour(options_));
-    Finished finished{std::move(frame), {}, {}};
+    Finished finished{std::move(frame), {}, {}, {}, {}};
     FrameResult& result = finished.result;
     result.frame = finished.frame.number;
     result.source = finished.frame.source;
@@ -125,32 +156,46 @@ class Observer {
   void start_tracking() {
     const auto [a, b, c] = options_.memory;
     memory_.emplace(MemoryOptions{a, b, c});
-    continuity_.emplace();
-    // The joint solution is not improved by a filter that knows nothing of motion.
-    if (pose_options_.fusion == Fusion::paper) low_pass_.emplace(options_.time_constant_s);
+    tracking_.emplace(*tracking_of(options_));
+  }
+
+  const Detector& detector() const { return guided_ ? guided_->detector() : *detector_; }
+
+  std::vector<Detection> detect(const ImageView& image, double time_s, DetectionTrace* trace) {
+    if (!guided_) return detector_->detect(image, trace);
+    return guided_->detect(image, tracking_->tracks(time_s).value_or(std::vector<Track>{}), trace);
   }
 
   void measure(Finished& finished) {
     const Frame& frame = finished.frame;
     FrameResult& result = finished.result;
     const ImageView image = frame.picture.grey.view();
+    if (options_.track && frame.sequence != sequence_) start_tracking();
+    sequence_ = frame.sequence;
+
+    FrameTiming& timing = finished.timing;
+    const double start = monotonic_s();
     DetectionTrace trace;
-    result.detections = detector_.detect(image, options_.explain.empty() ? nullptr : &trace);
-    if (options_.track) {
-      if (frame.sequence != sequence_) start_tracking();
-      sequence_ = frame.sequence;
-      result.detections = memory_->confirm(result.detections);
-    }
+    result.detections =
+        detect(image, result.timestamp_s, options_.explain.empty() ? nullptr : &trace);
+    if (memory_) result.detections = memory_->confirm(result.detections);
+    const double detected = monotonic_s();
     if (camera_)
       result.poses =
-          estimate_poses(image, result.detections, detector_.markers(), *camera_, pose_options_);
-    if (continuity_) continuity_->decide(result.poses, result.timestamp_s);
-    if (low_pass_) result.poses = low_pass_->filter(result.poses, result.timestamp_s);
+          estimate_poses(image, result.detections, detector().markers(), *camera_, pose_options_);
+    if (!options_.record.empty()) finished.measured = result.poses;
+    const double posed = monotonic_s();
+    if (tracking_) {
+      tracking_->take(result.poses, result.timestamp_s);
+      if (camera_) result.tracks = tracking_->tracks(result.timestamp_s);
+    }
+    timing = {frame.captured_s, frame.received_s, monotonic_s(), 1e3 * (detected - start),
+              1e3 * (posed - detected)};
 
     if (!needs_colour(options_)) return;
-    const Overlay overlay = overlay_of(result, detector_.markers(), camera_);
+    const Overlay overlay = overlay_of(result, detector().markers(), camera_);
     if (!options_.explain.empty())
-      explain(options_.explain, frame, result, trace, detector_.placed(), overlay);
+      explain(options_.explain, frame, result, trace, detector().placed(), overlay);
     if (options_.annotate.empty()) return;
     finished.annotated = frame.picture.colour;
     media().draw(overlay, finished.annotated);
@@ -159,10 +204,10 @@ class Observer {
   const DetectOptions& options_;
   const std::optional<Camera>& camera_;
   PoseOptions pose_options_;
-  Detector detector_;
+  std::optional<Detector> detector_;  // one of both
+  std::optional<GuidedDetector> guided_;
   std::optional<Memory> memory_;
-  std::optional<Continuity> continuity_;
-  std::optional<LowPass> low_pass_;
+  std::optional<Tracking> tracking_;
   std::size_t sequence_ = 0;
 };
 
@@ -174,6 +219,9 @@ class Report {
     if (!options.csv_file.empty()) csv_file_.emplace(options.csv_file, live_);
     if (!options.annotate.empty())
       annotations_.emplace(options.annotate, frames.count() == std::size_t{1});
+    if (!options.record.empty())
+      record_.emplace(options.record, "detect", tracking_of(options), live_);
+    if (!options.record_video.empty()) video_.emplace(options.record_video, false);
   }
 
   void add(const Finished& finished) {
@@ -187,6 +235,11 @@ class Report {
     }
     flush_first_failure();
     write(finished.result);
+    if (record_)
+      record_->add({finished.result, finished.frame.sequence, finished.measured, std::nullopt,
+                    finished.timing});
+    if (video_ && finished.result.width > 0)
+      video_->add(finished.frame, finished.frame.picture.colour);
     if (annotations_ && !finished.annotated.bgr.empty())
       annotations_->add(finished.frame, finished.annotated);
   }
@@ -198,6 +251,8 @@ class Report {
     output_.commit();
     if (csv_file_) csv_file_->commit();
     if (annotations_) annotations_->commit();
+    if (record_) record_->commit();
+    if (video_) video_->commit();
     return failed_;
   }
 
@@ -218,7 +273,10 @@ class Report {
   }
 
   void flush_first_failure() {
-    if (first_failure_) write(*first_failure_);
+    if (first_failure_) {
+      write(*first_failure_);
+      if (record_) record_->add({*first_failure_, 0, {}, std::nullopt, {}});
+    }
     first_failure_.reset();
   }
 
@@ -227,6 +285,8 @@ class Report {
   OutputStream output_;
   std::optional<OutputStream> csv_file_;
   std::optional<Annotations> annotations_;
+  std::optional<RecordWriter> record_;
+  std::optional<Annotations> video_;  ///< the frames as they came
   std::optional<FrameResult> first_failure_;
   bool header_written_ = false;
   int count_ = 0;
@@ -249,7 +309,33 @@ void check_gravity(const std::vector<double>& gravity) {
     throw Error("--gravity: the sigma must be positive degrees");
 }
 
+/// What is written must be neither read nor written by anybody else.
+void refuse_clashes(const DetectOptions& options) {
+  namespace fs = std::filesystem;
+  std::map<fs::path, std::string> known;
+  const auto note = [&](const std::string& word, const char* what, bool written) {
+    std::error_code ignored;
+    const bool file = word == "-" ? written : !fs::is_character_file(word, ignored);
+    if (word.empty() || !file) return;
+    const fs::path path = word == "-" ? fs::path(word) : fs::weakly_canonical(word, ignored);
+    const auto [before, first] = known.emplace(path, what);
+    if (written && !first)
+      throw Error(fmt::format("{}: is {} and {} as well", word, what, before->second));
+  };
+  note(options.markers_file, "the markers' file", false);
+  note(options.camera_file, "the camera file", false);
+  for (const std::string& source : options.sources)
+    note(source.rfind("pgm:", 0) == 0 ? source.substr(4) : source, "a source", false);
+  note(options.output, "the output", true);
+  note(options.csv_file, "the table (--csv)", true);
+  note(options.annotate, "what is annotated", true);
+  note(options.explain, "what is explained", true);
+  note(options.record, "the record", true);
+  note(options.record_video, "the recorded video", true);
+}
+
 void run(DetectOptions options) {
+  refuse_clashes(options);
   if (!options.gravity.empty()) check_gravity(options.gravity);
   const MarkerSet markers = load_markers(options.markers_file);
   std::optional<Camera> camera;
@@ -306,6 +392,17 @@ std::string wrapped(const std::string& text) {
   return lines;
 }
 
+/// A number between bounds, which NaN is not.
+CLI::Validator within(double low, double high) {
+  return {[=](const std::string& text) {
+            double value = 0.0;
+            const bool number = CLI::detail::lexical_cast(text, value);
+            if (number && value >= low && value <= high) return std::string();
+            return fmt::format("{} is no number from {} to {}", text, low, high);
+          },
+          ""};
+}
+
 constexpr const char* kExamples = R"(Examples:
   harco detect --markers deck/markers.json photo.jpg
   harco detect --markers deck/markers.json --camera camera.yaml --output poses.jsonl flight.mp4
@@ -358,6 +455,15 @@ void add_detect(CLI::App& app) {
           "--explain", options->explain,
           wrapped("Draw every stage of every frame and list what became of each quad, and why"))
       ->type_name("FOLDER")
+      ->group(out);
+
+  verb->add_option("--record", options->record,
+                   wrapped("Keep what was measured and when, for harco replay"))
+      ->type_name("FILE")
+      ->group(out);
+  verb->add_option("--record-video", options->record_video,
+                   wrapped("Keep the frames as they came, as a video (.mp4, .avi, …)"))
+      ->type_name("FILE")
       ->group(out);
 
   const std::string detection = "Detection and pose";
@@ -422,8 +528,8 @@ void add_detect(CLI::App& app) {
           "--track", options->track,
           wrapped(
               "Use earlier frames too: believe a code with more wrong bits if its marker was "
-              "seen before, tell the two solutions of a small marker's pose by the frames before "
-              "and, with --fusion paper, smooth the poses"))
+              "seen before, tell the two solutions of a small marker's pose by the frames before, "
+              "filter the poses, and look for markers where they are expected"))
       ->group(time);
   verb->add_option(
           "--memory", options->memory,
@@ -433,17 +539,31 @@ void add_detect(CLI::App& app) {
       ->default_str("3 3 10")
       ->group(time);
   verb->add_option(
-          "--time-constant", options->time_constant_s,
-          wrapped("With --track and --fusion paper: of the smoothing, in seconds; 0 is none"))
-      ->check(CLI::Range(0.0, 1e6).description(""))
+          "--filter", options->filter,
+          wrapped(
+              "With --track: kalman gives tracks, with velocities and covariance, beside the "
+              "poses as measured (with --fusion joint the default); low-pass is the paper's and "
+              "smooths the poses themselves (with --fusion paper the default)"))
+      ->check(CLI::IsMember({"kalman", "low-pass"}))
+      ->type_name("NAME")
+      ->group(time);
+  verb->add_option("--time-constant", options->time_constant_s,
+                   wrapped("Of the low-pass, in seconds; 0 is none"))
+      ->check(within(0.0, 1e6))
       ->type_name("S")
       ->capture_default_str()
+      ->group(time);
+  verb->add_option("--swell", options->swell_s,
+                   wrapped("With --track: the markers are on a deck that oscillates with this "
+                           "period, in seconds; 0 finds it"))
+      ->check(within(0.0, 1e3))
+      ->type_name("S")
       ->group(time);
   verb->add_option(
           "--frame-rate", options->frame_rate,
           wrapped("Frames a second of sources that don't say when a frame was taken; by default "
                   "all are taken at 0 s, with --track 30 a second"))
-      ->check(CLI::Range(0.0, 1e6).description(""))
+      ->check(within(0.0, 1e6))
       ->type_name("HZ")
       ->group(time);
   verb->add_flag("--live", options->live,

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <memory>
 #include <numeric>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <system_error>
@@ -29,7 +30,7 @@ struct ImportOptions {
   std::string family;
   double side_m = 0.0;
   std::string out;
-  std::string ids;
+  std::optional<std::string> ids;
   int layers = 1;
   HierarchyOptions hierarchy;
   bool no_drawings = false;
@@ -44,11 +45,11 @@ struct Selection {
 
 void warn(const std::string& what) { fmt::print(stderr, "harco: warning: {}\n", what); }
 
-Selection select(const Family& family, const std::string& ids) {
+Selection select(const Family& family, const std::optional<std::string>& ids) {
   const int count = static_cast<int>(family.codes.size());
   std::vector<int> wanted(family.codes.size());
   std::iota(wanted.begin(), wanted.end(), 0);
-  if (!ids.empty()) wanted = parse_list(ids, count, "--ids");
+  if (ids) wanted = parse_list(*ids, count, "--ids");
 
   Selection selection;
   std::vector<int> undirected;

@@ -34,6 +34,7 @@ int main(int argc, char** argv) {
   harco::cli::add_mount(app);
   harco::cli::add_simulate(app);
   harco::cli::add_land(app);
+  harco::cli::add_replay(app);
   harco::cli::add_reproduce(app);
   try {
     app.parse(argc, argv);

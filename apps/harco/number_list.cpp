@@ -20,6 +20,7 @@ std::vector<int> parse_list(const std::string& text, int end, const std::string&
   const auto wrong = [&](const std::string& what) {
     return std::invalid_argument(option + " '" + text + "': " + what);
   };
+  if (text.empty()) throw wrong("is empty");
   std::vector<int> list;
   std::set<int> known;
   for (std::size_t start = 0; start <= text.size();) {

@@ -1,9 +1,12 @@
 #include "results.hpp"
 
+#include <array>
 #include <cmath>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
+
+#include "harco/error.hpp"
 
 namespace harco::cli {
 namespace {
@@ -41,23 +44,6 @@ Json marker_json(const Detection& detection) {
             {"quality", number(detection.quality)}};
   if (detection.inferred) json["inferred"] = true;
   if (detection.visible < 1.0) json["visible"] = number(detection.visible);
-  return json;
-}
-
-Json pose_json(const Pose& pose) {
-  Json json = {
-      {"parent", pose.parent},
-      {"rotation", matrix_json(pose.camera_T_marker.rotation())},
-      {"translation", vector_json(pose.camera_T_marker.translation())},
-      {"covariance", is_known(pose.covariance) ? matrix_json(*pose.covariance) : Json(nullptr)},
-      {"rms_px", number(pose.rms_px)},
-      {"markers", pose.markers},
-      {"aligned", pose.aligned},
-      {"share_used", number(pose.share_used)}};
-  if (pose.alternative)
-    json["alternative"] = {{"rotation", matrix_json(pose.alternative->rotation())},
-                           {"translation", vector_json(pose.alternative->translation())},
-                           {"log_likelihood_ratio", number(*pose.log_likelihood_ratio)}};
   return json;
 }
 
@@ -166,7 +152,76 @@ std::string pose_row(const FrameResult& result, const Pose& pose) {
 
 }  // namespace
 
-std::string json_line(const FrameResult& result) {
+Json pose_json(const Pose& pose) {
+  Json json = {
+      {"parent", pose.parent},
+      {"rotation", matrix_json(pose.camera_T_marker.rotation())},
+      {"translation", vector_json(pose.camera_T_marker.translation())},
+      {"covariance", is_known(pose.covariance) ? matrix_json(*pose.covariance) : Json(nullptr)},
+      {"rms_px", number(pose.rms_px)},
+      {"markers", pose.markers},
+      {"aligned", pose.aligned},
+      {"share_used", number(pose.share_used)}};
+  if (pose.alternative)
+    json["alternative"] = {{"rotation", matrix_json(pose.alternative->rotation())},
+                           {"translation", vector_json(pose.alternative->translation())},
+                           {"log_likelihood_ratio", number(*pose.log_likelihood_ratio)}};
+  return json;
+}
+
+Pose pose_from_json(const Json& json) {
+  const auto matrix = [](const Json& rows, auto& into) {
+    if (!rows.is_array() || rows.size() != static_cast<std::size_t>(into.rows()))
+      throw Error("a matrix has the wrong number of rows");
+    for (Eigen::Index i = 0; i < into.rows(); ++i) {
+      const Json& row = rows[static_cast<std::size_t>(i)];
+      if (!row.is_array() || row.size() != static_cast<std::size_t>(into.cols()))
+        throw Error("a matrix has the wrong number of columns");
+      for (Eigen::Index j = 0; j < into.cols(); ++j)
+        into(i, j) = row[static_cast<std::size_t>(j)].get<double>();
+    }
+  };
+  const auto isometry = [&](const Json& from) {
+    Eigen::Matrix3d rotation;
+    matrix(from.at("rotation"), rotation);
+    const auto translation = from.at("translation").get<std::array<double, 3>>();
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.linear() = rotation;
+    pose.translation() = Eigen::Map<const Eigen::Vector3d>(translation.data());
+    return pose;
+  };
+  try {
+    Pose pose;
+    pose.parent = json.at("parent").get<int>();
+    pose.camera_T_marker = isometry(json);
+    if (!json.at("covariance").is_null()) matrix(json.at("covariance"), pose.covariance.emplace());
+    pose.rms_px = json.at("rms_px").get<double>();
+    pose.markers = json.at("markers").get<int>();
+    pose.aligned = json.at("aligned").get<bool>();
+    pose.share_used = json.at("share_used").get<double>();
+    if (const auto other = json.find("alternative"); other != json.end()) {
+      pose.alternative = isometry(*other);
+      pose.log_likelihood_ratio = other->at("log_likelihood_ratio").get<double>();
+    }
+    return pose;
+  } catch (const Json::exception& error) {
+    throw Error(std::string("a pose is not as it should be (") + error.what() + ")");
+  }
+}
+
+Json track_json(const Track& track) {
+  const TrackState& state = track.state;
+  return {{"parent", track.parent},
+          {"status", to_string(state.status)},
+          {"measured_s", state.measured_s},
+          {"rotation", matrix_json(state.camera_T_marker.linear())},
+          {"translation", vector_json(state.camera_T_marker.translation())},
+          {"velocity", vector_json(state.velocity)},
+          {"turn_rate", vector_json(state.turn_rate)},
+          {"covariance", matrix_json(state.covariance)}};
+}
+
+Json frame_json(const FrameResult& result) {
   Json line{{"frame", result.frame},
             {"source", result.source},
             {"timestamp_s", number(result.timestamp_s)},
@@ -177,11 +232,21 @@ std::string json_line(const FrameResult& result) {
   for (const Detection& detection : result.detections)
     line["markers"].push_back(marker_json(detection));
   for (const Pose& pose : result.poses) line["poses"].push_back(pose_json(pose));
+  if (result.tracks) {
+    line["tracks"] = Json::array();
+    for (const Track& track : *result.tracks) line["tracks"].push_back(track_json(track));
+  }
   if (result.dropped > 0) line["dropped"] = result.dropped;
   if (!result.error.empty()) line["error"] = result.error;
-  // A file's name need not be UTF-8; what isn't is replaced.
-  return line.dump(-1, ' ', false, Json::error_handler_t::replace) + '\n';
+  return line;
 }
+
+std::string line_of(const Json& json) {
+  // A file's name need not be UTF-8; what isn't is replaced.
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace) + '\n';
+}
+
+std::string json_line(const FrameResult& result) { return line_of(frame_json(result)); }
 
 std::string csv_header() { return fmt::format("{}\n", fmt::join(Row::columns(), ",")); }
 

@@ -2,10 +2,14 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include <nlohmann/json_fwd.hpp>
+
 #include "harco/detect.hpp"
+#include "harco/filter.hpp"
 #include "harco/pose.hpp"
 
 namespace harco::cli {
@@ -18,8 +22,17 @@ struct FrameResult {
   int width = 0, height = 0;  ///< 0 if the frame couldn't be read
   std::vector<Detection> detections;
   std::vector<Pose> poses;
+  std::optional<std::vector<Track>> tracks;  ///< empty where nothing is tracked
   std::string error;
 };
+
+/// A pose as it stands in a line, and back. Numbers read back to the same double.
+nlohmann::ordered_json pose_json(const Pose& pose);
+/// Throws Error, without naming a file, if it is none.
+Pose pose_from_json(const nlohmann::ordered_json& json);
+nlohmann::ordered_json track_json(const Track& track);
+nlohmann::ordered_json frame_json(const FrameResult& result);
+std::string line_of(const nlohmann::ordered_json& json);  ///< with its end
 
 /// One line with its end, all numbers so that they read back to the same double.
 std::string json_line(const FrameResult& result);

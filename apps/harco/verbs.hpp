@@ -16,6 +16,7 @@ void add_calibrate(CLI::App& app);
 void add_mount(CLI::App& app);
 void add_simulate(CLI::App& app);
 void add_land(CLI::App& app);
+void add_replay(CLI::App& app);
 void add_reproduce(CLI::App& app);
 
 /// Thrown by a verb that did its work but has to report failures that it has already named: the

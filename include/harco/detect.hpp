@@ -118,6 +118,14 @@ struct DetectorStatistics {
   bool budget_reached = false;
 };
 
+/// A part of an image, and what is looked for in it.
+struct Region {
+  int x = 0, y = 0;           ///< its first pixel
+  int width = 0, height = 0;  ///< pixels
+  /// Smallest side of a marker looked for; what DetectorOptions asks for, if that is more.
+  double min_side_px = 0.0;
+};
+
 /// Finds the markers of one set. It owns its scratch memory: use one a thread.
 class Detector {
  public:
@@ -134,6 +142,11 @@ class Detector {
   /// The markers in one image, in the order of the set; empty if there are none. Throws
   /// std::invalid_argument for an empty view, or one whose size is not the camera's.
   std::vector<Detection> detect(const ImageView& image, DetectionTrace* trace = nullptr);
+
+  /// The markers in a part of the image, wholly so; their corners are in pixels of the whole image,
+  /// the trace is in those of the part. Throws as well if that isn't within the image.
+  std::vector<Detection> detect(const ImageView& image, const Region& region,
+                                DetectionTrace* trace = nullptr);
 
   const DetectorStatistics& statistics() const;  ///< of the last frame
   const MarkerSet& markers() const;

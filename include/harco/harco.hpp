@@ -9,6 +9,7 @@
 #include "harco/error.hpp"
 #include "harco/filter.hpp"
 #include "harco/geometry.hpp"
+#include "harco/guided.hpp"
 #include "harco/image.hpp"
 #include "harco/layout.hpp"
 #include "harco/marker.hpp"

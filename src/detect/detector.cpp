@@ -112,6 +112,9 @@ struct Detector::Impl {
   }
 
   std::vector<Detection> detect(const ImageView& image, DetectionTrace* trace);
+  std::vector<Detection> detect(const ImageView& image, const Region& region,
+                                DetectionTrace* trace);
+  void check_size(const ImageView& image) const;
   void find_shapes(const ImageView& image, DetectionTrace* trace);
   void examine(const ImageView& image, const Shape& shape);
   double required_quality(int errors) const;
@@ -134,6 +137,7 @@ struct Detector::Impl {
   std::vector<Codebook> parent_books, child_books;
   std::map<std::pair<bool, int>, int> least_black;
   detect::Lens lens;
+  Eigen::Vector2d origin = Eigen::Vector2d::Zero();  // of the part of the image looked at
 
   // Scratch, kept from frame to frame.
   detect::ShapeFinder shapes;
@@ -373,7 +377,10 @@ void Detector::Impl::recover(const ImageView& image, DetectionTrace* trace) {
     quads.push_back(candidate.corners);
   }
   std::optional<Eigen::Matrix3d> calibration;
-  if (options.camera) calibration = options.camera->matrix();
+  if (options.camera) {
+    calibration = options.camera->matrix();
+    calibration->topRightCorner<2, 1>() -= origin;
+  }
   const double least_side = std::max(kLeastCoveredSide, options.min_side_px);
   const double contrast = detect::contrast_above_noise(statistics.noise);
   for (const detect::SideQuad& quad : covered.find(image, least_side, contrast, calibration, trace))
@@ -505,7 +512,7 @@ void Detector::Impl::infer(const ImageView& image, std::vector<Detection>& detec
                    [](const Detection& a, const Detection& b) { return a.placed < b.placed; });
 }
 
-std::vector<Detection> Detector::Impl::detect(const ImageView& image, DetectionTrace* trace) {
+void Detector::Impl::check_size(const ImageView& image) const {
   if (image.empty()) throw std::invalid_argument("detect: the image is empty");
   if (options.camera &&
       (options.camera->width != image.width() || options.camera->height != image.height()))
@@ -513,6 +520,30 @@ std::vector<Detection> Detector::Impl::detect(const ImageView& image, DetectionT
                                 std::to_string(image.height()) + " pixels, the camera " +
                                 std::to_string(options.camera->width) + " x " +
                                 std::to_string(options.camera->height));
+}
+
+/// In a part of the image, which is an image by itself but for where its pixels are counted from.
+std::vector<Detection> Detector::Impl::detect(const ImageView& image, const Region& region,
+                                              DetectionTrace* trace) {
+  const bool within = region.x >= 0 && region.y >= 0 && region.width > 0 && region.height > 0 &&
+                      region.width <= image.width() - region.x &&
+                      region.height <= image.height() - region.y;
+  if (!within) throw std::invalid_argument("detect: the region is not within the image");
+  const double least = options.min_side_px;
+  options.min_side_px = std::max(least, region.min_side_px);
+  origin = {region.x, region.y};
+  lens.count_from(origin);
+  const ImageView part(image.row(region.y) + region.x, region.width, region.height, image.stride());
+  std::vector<Detection> detections = detect(part, trace);
+  for (Detection& detection : detections)
+    for (Eigen::Vector2d& corner : detection.corners) corner += origin;
+  options.min_side_px = least;
+  origin.setZero();
+  lens.count_from(origin);
+  return detections;
+}
+
+std::vector<Detection> Detector::Impl::detect(const ImageView& image, DetectionTrace* trace) {
   if (trace) *trace = {};
   candidates.clear();
   found.clear();
@@ -543,7 +574,14 @@ Detector::Detector(Detector&&) noexcept = default;
 Detector& Detector::operator=(Detector&&) noexcept = default;
 
 std::vector<Detection> Detector::detect(const ImageView& image, DetectionTrace* trace) {
+  impl_->check_size(image);
   return impl_->detect(image, trace);
+}
+
+std::vector<Detection> Detector::detect(const ImageView& image, const Region& region,
+                                        DetectionTrace* trace) {
+  impl_->check_size(image);
+  return impl_->detect(image, region, trace);
 }
 
 const DetectorStatistics& Detector::statistics() const { return impl_->statistics; }

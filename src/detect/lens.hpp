@@ -17,12 +17,15 @@ class Lens {
     if (camera && camera->has_distortion()) camera_ = *camera;
   }
 
+  /// From now on all pixels, ideal ones too, are counted from this one of the image.
+  void count_from(const Eigen::Vector2d& origin) { origin_ = origin; }
+
   /// Empty where the lens model can't be inverted.
   std::optional<Eigen::Vector2d> to_ideal(const Eigen::Vector2d& pixel) const {
-    return camera_ ? camera_->to_ideal(pixel) : pixel;
+    return camera_ ? counted(camera_->to_ideal(pixel + origin_)) : pixel;
   }
   std::optional<Eigen::Vector2d> from_ideal(const Eigen::Vector2d& ideal) const {
-    return camera_ ? camera_->from_ideal(ideal) : ideal;
+    return camera_ ? counted(camera_->from_ideal(ideal + origin_)) : ideal;
   }
 
   /// d(pixel) / d(ideal pixel) by differences of half a pixel.
@@ -39,7 +42,13 @@ class Lens {
   }
 
  private:
+  std::optional<Eigen::Vector2d> counted(std::optional<Eigen::Vector2d> pixel) const {
+    if (pixel) *pixel -= origin_;
+    return pixel;
+  }
+
   std::optional<Camera> camera_;
+  Eigen::Vector2d origin_ = Eigen::Vector2d::Zero();
 };
 
 }  // namespace harco::detect
