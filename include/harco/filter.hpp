@@ -2,8 +2,8 @@
 // measurements.
 //
 // An error-state Kalman filter on SE(3) with velocity. The marker moves against the camera at a
-// velocity that white accelerations change; a deck may oscillate on top of it (Swell). docs/
-// tracking.md has the equations.
+// velocity that white accelerations change; a deck may oscillate on top of it (Swell). The
+// equations are in docs/tracking.md.
 //
 // Axes. By default nothing is known of the camera: it may turn as it likes, which costs certainty.
 // Who knows its attitude sets FilterOptions::camera_known and gives it with every call, as a
@@ -32,8 +32,8 @@ using CameraPose = std::optional<Eigen::Isometry3d>;
 /// A deck's oscillation about its steady motion: six damped oscillators, three that shift and three
 /// that turn it, of one period, kept going by white noise.
 struct Swell {
-  /// Seconds. 0: not known; several periods from 3.5 to 14 s are tried side by side, and the one that
-  /// foretells the measurements best is believed.
+  /// Seconds. 0: not known; none and several from 3.5 to 14 s are tried side by side, and the one
+  /// that foretells the measurements best is believed.
   double period_s = 0.0;
   double damping = 0.05;    ///< of the critical one, 0 … 1 exclusive: how fast the phase is lost
   double shift_sd_m = 0.3;  ///< standard deviation along each axis
