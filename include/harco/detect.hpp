@@ -148,6 +148,11 @@ class Detector {
   std::vector<Detection> detect(const ImageView& image, const Region& region,
                                 DetectionTrace* trace = nullptr);
 
+  /// The same into a vector that is used again and again. Once it and the detector's own memory
+  /// have grown as large as frames of a kind need, nothing is allocated any more, except where
+  /// partly covered markers are looked for (DetectorOptions::covered).
+  void detect(const ImageView& image, std::vector<Detection>& detections);
+
   const DetectorStatistics& statistics() const;  ///< of the last frame
   const MarkerSet& markers() const;
   const std::vector<PlacedMarker>& placed() const;

@@ -301,11 +301,10 @@ Chapter StageTimes::summarise(Extent, const std::vector<Json>& results) const {
     }
     return series;
   };
-  plot.series = {
-      dots("#b9cfe8", all),
-      over_markers("HArCo, covered ones too", palette::kHarco, frames.seen, all),
-      over_markers("HArCo, whole ones", palette::kPaper, frames.seen, as_paper),
-      over_markers("OpenCV's ArUco", palette::kBaseline, frames.seen, frames.aruco)};
+  plot.series = {dots("#b9cfe8", all),
+                 over_markers("HArCo, covered ones too", palette::kHarco, frames.seen, all),
+                 over_markers("HArCo, whole ones", palette::kPaper, frames.seen, as_paper),
+                 over_markers("OpenCV's ArUco", palette::kBaseline, frames.seen, frames.aruco)};
 
   chapter.blocks = {
       Paragraph{fmt::format(

@@ -41,10 +41,12 @@ bool on_ring(int row, int column, int m) {
 
 /// Blur mixes every cell with its neighbours; taking the same share of them off again sharpens.
 /// `share` is what a cell gives to each of the two neighbours along a row or a column.
-void unmix(std::vector<double>& values, int m, double share) {
+void unmix(std::span<double> values, int m, double share) {
   const double gain = share / (1.0 - 2.0 * share);
-  std::vector<double> once = values;
-  const auto at = [m](const std::vector<double>& v, int row, int column) {
+  std::array<double, CellGrid::kMost> room;
+  const std::span<double> once(room.data(), values.size());
+  std::copy(values.begin(), values.end(), once.begin());
+  const auto at = [m](std::span<const double> v, int row, int column) {
     return v[static_cast<std::size_t>(std::clamp(row, 0, m - 1) * m +
                                       std::clamp(column, 0, m - 1))];
   };
@@ -53,7 +55,7 @@ void unmix(std::vector<double>& values, int m, double share) {
       once[static_cast<std::size_t>(row * m + column)] +=
           gain * (2.0 * at(values, row, column) - at(values, row, column - 1) -
                   at(values, row, column + 1));
-  values = once;
+  std::copy(once.begin(), once.end(), values.begin());
   for (int row = 0; row < m; ++row)
     for (int column = 0; column < m; ++column)
       values[static_cast<std::size_t>(row * m + column)] +=
@@ -90,36 +92,38 @@ std::optional<CellGrid> read_cells(const ImageView& image, const Lens& lens,
   const int m = n + 2;
   CellGrid grid;
   grid.cells = n;
-  grid.values.resize(static_cast<std::size_t>(m * m));
+  const std::span<double> values = grid.values();
   PlaneFit ring;
   for (int row = 0; row < m; ++row)
     for (int column = 0; column < m; ++column) {
       const auto mean = cell_mean(row, column);
       if (!mean) return std::nullopt;
-      grid.values[static_cast<std::size_t>(row * m + column)] = *mean;
+      values[static_cast<std::size_t>(row * m + column)] = *mean;
       if (on_ring(row, column, m)) ring.add(column, row, *mean);
     }
   const double share = 0.5 * (1.0 - std::erf(cell_px / (2.0 * std::sqrt(2.0) * blur_px)));
-  unmix(grid.values, m, std::min(share, 0.22));
+  unmix(values, m, std::min(share, 0.22));
 
   const Plane ring_level = ring.solve();
   if (child) {
     // White comes from the ring; black is the darkest that the code is sure to hold.
-    std::vector<double> ratios;
+    std::array<double, CellGrid::kMost> ratios;
+    std::size_t count = 0;
     for (int row = 0; row < m; ++row)
       for (int column = 0; column < m; ++column) {
-        double& value = grid.values[static_cast<std::size_t>(row * m + column)];
+        double& value = values[static_cast<std::size_t>(row * m + column)];
         const double white = std::max(1.0, ring_level(column, row));
         value /= white;
-        if (!on_ring(row, column, m)) ratios.push_back(value);
+        if (!on_ring(row, column, m)) ratios[count++] = value;
       }
     const int darkest = std::clamp(least_black, 1, n * n);
-    std::partial_sort(ratios.begin(), ratios.begin() + darkest, ratios.end());
+    std::partial_sort(ratios.begin(), ratios.begin() + darkest,
+                      ratios.begin() + static_cast<std::ptrdiff_t>(count));
     double black = 0.0;
     for (int i = 0; i < darkest; ++i) black += ratios[static_cast<std::size_t>(i)] / darkest;
     grid.contrast = (1.0 - black) * ring_level(0.5 * (m - 1), 0.5 * (m - 1));
     if (grid.contrast < kMinContrast) return grid;
-    for (double& value : grid.values) value = (value - black) / (1.0 - black);
+    for (double& value : values) value = (value - black) / (1.0 - black);
     return grid;
   }
   // White is the paper just outside of the black ring, where the image shows it.
@@ -141,7 +145,7 @@ std::optional<CellGrid> read_cells(const ImageView& image, const Lens& lens,
   if (grid.contrast < kMinContrast) return grid;
   for (int row = 0; row < m; ++row)
     for (int column = 0; column < m; ++column) {
-      double& value = grid.values[static_cast<std::size_t>(row * m + column)];
+      double& value = values[static_cast<std::size_t>(row * m + column)];
       const double black = ring_level(column, row);
       value = (value - black) / std::max(kMinContrast, paper_level(column, row) - black);
     }
@@ -154,7 +158,7 @@ int wrong_ring_cells(const CellGrid& grid, bool child) {
   for (int row = 0; row < m; ++row)
     for (int column = 0; column < m; ++column)
       if (on_ring(row, column, m))
-        wrong += (grid.values[static_cast<std::size_t>(row * m + column)] > 0.5) != child;
+        wrong += (grid.values()[static_cast<std::size_t>(row * m + column)] > 0.5) != child;
   return wrong;
 }
 
@@ -164,7 +168,7 @@ std::uint64_t read_bits(const CellGrid& grid, double white_level) {
   std::uint64_t bits = 0;
   for (int row = 0; row < n; ++row)
     for (int column = 0; column < n; ++column)
-      if (grid.values[static_cast<std::size_t>((row + 1) * m + column + 1)] >= white_level)
+      if (grid.values()[static_cast<std::size_t>((row + 1) * m + column + 1)] >= white_level)
         bits |= std::uint64_t{1} << (row * n + column);
   return bits;
 }
@@ -187,7 +191,7 @@ double agreement(const CellGrid& grid, const std::vector<double>& predicted, int
         r = upright_r;
       }
       const double a =
-          std::clamp(grid.values[static_cast<std::size_t>(row * m + column)], -0.3, 1.3);
+          std::clamp(grid.values()[static_cast<std::size_t>(row * m + column)], -0.3, 1.3);
       const double b = predicted[static_cast<std::size_t>(r * m + c)];
       sum_a += a;
       sum_b += b;

@@ -1,13 +1,17 @@
 // Fifth stage: what stands in the cells of a quad.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "detect/lens.hpp"
+#include "harco/code.hpp"
 #include "harco/image.hpp"
 
 namespace harco::detect {
@@ -17,10 +21,16 @@ inline constexpr double kMinContrast = 8.0;
 
 /// The cells of a quad that may be a marker, border ring included.
 struct CellGrid {
-  int cells = 0;               ///< n
-  std::vector<double> values;  ///< (n+2)^2 values, row-first, 0 black … 1 white; without meaning
-                               ///< if the contrast is below kMinContrast
-  double contrast = 0.0;       ///< grey levels between black and white
+  int cells = 0;  ///< n
+  /// (n+2)^2 values, row-first, 0 black … 1 white; without meaning if the contrast is below
+  /// kMinContrast.
+  std::span<double> values() { return {room.data(), count()}; }
+  std::span<const double> values() const { return {room.data(), count()}; }
+  double contrast = 0.0;  ///< grey levels between black and white
+
+  static constexpr std::size_t kMost = (Code::kMaxCells + 2) * (Code::kMaxCells + 2);
+  std::size_t count() const { return static_cast<std::size_t>((cells + 2) * (cells + 2)); }
+  std::array<double, kMost> room;
 };
 
 /// Reads the cells of a parent (black ring, white paper around it) or a child (white ring).

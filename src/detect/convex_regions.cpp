@@ -129,9 +129,10 @@ void ConvexRegions::start(const Threshold& threshold, std::size_t level, bool da
   ends_.resize(static_cast<std::size_t>(map_->height()));
   find_tall();
   // More rows than this tell hardly more.
-  constexpr int kMostRows = 14;
-  ways_.resize(static_cast<std::size_t>(std::clamp(limits.least_extent, 2, kMostRows) - 1));
-  for (auto& ways : ways_) ways.assign(static_cast<std::size_t>(map_->words_in_row()) + 2, 0);
+  constexpr int kMostRows = 13;
+  ways_rows_ = std::clamp(limits.least_extent - 1, 1, kMostRows);
+  ways_stride_ = map_->words_in_row() + 2;
+  ways_.assign(static_cast<std::size_t>(ways_rows_ * ways_stride_), 0);
 }
 
 bool ConvexRegions::next(RegionTop& top) {
@@ -166,10 +167,9 @@ void ConvexRegions::find_tall() {
 void ConvexRegions::find_ways_down() {
   const std::uint64_t flip = dark_ ? 0 : ~std::uint64_t{0};
   const int words = map_->words_in_row();
-  for (std::size_t rows = ways_.size() - 1; rows > 0; --rows)
-    kernels::ways_down(map_->row(row_), flip, ways_[rows - 1].data() + 1, words,
-                       ways_[rows].data() + 1);
-  std::uint64_t* own = ways_[0].data() + 1;
+  for (int rows = ways_rows_; rows > 1; --rows)
+    kernels::ways_down(map_->row(row_), flip, ways(rows - 1), words, ways(rows));
+  std::uint64_t* own = ways(1);
   const std::uint64_t* here = map_->row(row_);
   for (int word = 0; word < words; ++word) own[word] = here[word] ^ flip;
 }
@@ -180,7 +180,7 @@ void ConvexRegions::find_tops() {
   const std::uint64_t flip = dark_ ? 0 : ~std::uint64_t{0};
   const std::uint64_t* here = map_->row(row_);
   const std::uint64_t* above = map_->row(row_ - 1);
-  const std::uint64_t* ways = ways_.back().data() + 1;
+  const std::uint64_t* going_on = ways(ways_rows_);
   const int words = map_->words_in_row();
   // A sum carries a bit that is set anywhere in a stretch of edge to the bit behind the stretch:
   // once the stretch's first one, if the region begins there too, once those with a way down. What
@@ -200,7 +200,7 @@ void ConvexRegions::find_tops() {
     const std::uint64_t begin = edge & ~(inside << 1 | before >> 63);
     before = inside;
     std::uint64_t found = behind(edge, begin, carry_of_begin) &
-                          behind(edge, edge & ways[word], carry_of_ways) & ~inside;
+                          behind(edge, edge & going_on[word], carry_of_ways) & ~inside;
     for (; found != 0; found &= found - 1) {
       const int end = std::countr_zero(found);
       std::uint64_t outside = ~inside & ((std::uint64_t{1} << end) - 1);

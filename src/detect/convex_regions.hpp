@@ -43,6 +43,7 @@ class ConvexRegions {
   struct Ends {
     int left, right;
   };
+  std::uint64_t* ways(int rows) { return ways_.data() + (rows - 1) * ways_stride_ + 1; }
   void find_tall();
   void find_ways_down();
   void find_tops();
@@ -59,8 +60,11 @@ class ConvexRegions {
   const DarkMap* known_ = nullptr;  // at the low level, the map in which all others are found
   int row_ = 0;
   // Pixels of this row, and at first of the one below, from which a way within the region leads
-  // down for at least 1, 2 ... rows; one word of padding on either side.
-  std::vector<std::vector<std::uint64_t>> ways_;
+  // down for at least 1, 2 ... ways_rows_ rows, one after the other; one word of padding on either
+  // side.
+  std::vector<std::uint64_t> ways_;
+  std::ptrdiff_t ways_stride_ = 0;
+  int ways_rows_ = 1;
   std::vector<RegionTop> tops_;  // in this row
   std::size_t next_top_ = 0;
   std::vector<Ends> ends_;  // of the region, row by row

@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <map>
 #include <stdexcept>
+#include <tuple>
 #include <utility>
 
 #include <Eigen/Geometry>
@@ -55,6 +56,16 @@ void check(const DetectorOptions& options) {
   if (!(options.min_quality >= 0.0 && options.min_quality <= 1.0))
     throw std::invalid_argument("min_quality: must be 0 … 1");
   if (options.camera) validate(*options.camera);
+}
+
+/// In the order of the set; of a marker that is there twice, the upper one first.
+void sort_by_place(std::vector<Detection>& detections) {
+  std::sort(detections.begin(), detections.end(), [](const Detection& a, const Detection& b) {
+    const auto key = [](const Detection& detection) {
+      return std::tuple(detection.placed, detection.corners[0].y(), detection.corners[0].x());
+    };
+    return key(a) < key(b);
+  });
 }
 
 /// How sure a detection is by itself.
@@ -111,9 +122,9 @@ struct Detector::Impl {
     }
   }
 
-  std::vector<Detection> detect(const ImageView& image, DetectionTrace* trace);
-  std::vector<Detection> detect(const ImageView& image, const Region& region,
-                                DetectionTrace* trace);
+  void detect(const ImageView& image, std::vector<Detection>& detections, DetectionTrace* trace);
+  void detect(const ImageView& image, const Region& region, std::vector<Detection>& detections,
+              DetectionTrace* trace);
   void check_size(const ImageView& image) const;
   void find_shapes(const ImageView& image, DetectionTrace* trace);
   void examine(const ImageView& image, const Shape& shape);
@@ -122,10 +133,11 @@ struct Detector::Impl {
                      const detect::FittedQuad& fitted, double blur_px);
   void recover(const ImageView& image, DetectionTrace* trace);
   void add_recovered(const detect::Recovered& recovered);
-  std::vector<Detection> settle();
+  void settle(std::vector<Detection>& detections);
   void infer(const ImageView& image, std::vector<Detection>& detections);
   bool confirm(const ImageView& image, const detect::PredictedQuad& quad, Detection& detection);
   void reject(const Found& what, Rejection why);
+  void note(Candidate& candidate, const char* words) const;
   detect::SideProfile side_profile(bool child, int cells) const;
   void sharpen(const ImageView& image, Detection& detection) const;
   bool set_corners(const Quad& ideal, const Matrix8d& covariance, Detection& detection) const;
@@ -144,6 +156,11 @@ struct Detector::Impl {
   std::vector<Candidate> candidates;
   std::vector<Found> found;
   std::vector<Match> matches;
+  std::vector<Found> kept;
+  std::vector<Detection> inferred;
+  std::vector<std::size_t> by_size;
+  std::vector<bool> explained, present;
+  bool explaining = false;  // somebody wants to know what was seen
   DetectorStatistics statistics;
   detect::CoveredSquares covered;
   std::optional<detect::Recovery> recovery;
@@ -154,6 +171,11 @@ void Detector::Impl::find_shapes(const ImageView& image, DetectionTrace* trace) 
   statistics.noise = shapes.threshold().noise();
   statistics.quads = shapes.count();
   statistics.budget_reached = shapes.shapes().size() < shapes.count();
+}
+
+/// Only for those who look on: words take memory.
+void Detector::Impl::note(Candidate& candidate, const char* words) const {
+  if (explaining) candidate.note = words;
 }
 
 /// A code that had to be corrected needs a better picture: each bit takes away three fifths of what
@@ -179,21 +201,21 @@ Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
   const double cell_px = detect::shortest_side(fitted.corners) / (m - 2.0 * inset);
   const auto grid = detect::read_cells(image, lens, image_H_cells, n, cell_px, blur_px, child,
                                        least_black[{child, n}]);
-  char note[96];
+  char words[96];
   if (!grid) {
-    candidate.note = "its cells are not all in the image";
+    note(candidate, "its cells are not all in the image");
     return Rejection::shape;
   }
   if (grid->contrast < detect::kMinContrast) {
-    std::snprintf(note, sizeof note, "contrast %.1f grey levels", grid->contrast);
-    candidate.note = note;
+    std::snprintf(words, sizeof words, "contrast %.1f grey levels", grid->contrast);
+    note(candidate, words);
     return Rejection::contrast;
   }
   const int wrong = detect::wrong_ring_cells(*grid, child);
   if (wrong > kWrongRingShare * 4 * (n + 1)) {
-    std::snprintf(note, sizeof note, "%d of %d ring cells are not %s", wrong, 4 * (n + 1),
+    std::snprintf(words, sizeof words, "%d of %d ring cells are not %s", wrong, 4 * (n + 1),
                   child ? "white" : "black");
-    candidate.note = note;
+    note(candidate, words);
     return Rejection::ring;
   }
 
@@ -203,7 +225,7 @@ Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
   matches.clear();
   book.find(bits, std::max(with_relatives, options.tentative_bit_errors), matches);
   if (matches.empty()) {
-    candidate.note = "read " + to_string(Code{n, bits});
+    if (explaining) candidate.note = "read " + to_string(Code{n, bits});
     return Rejection::code;
   }
   const Match* best = nullptr;
@@ -216,8 +238,8 @@ Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
       best = &match;
     }
   }
-  std::snprintf(note, sizeof note, "%d bit errors, quality %.3f", best->errors, quality);
-  candidate.note = note;
+  std::snprintf(words, sizeof words, "%d bit errors, quality %.3f", best->errors, quality);
+  note(candidate, words);
   candidate.placed = best->placed;
   if (quality < required_quality(best->errors)) return Rejection::quality;
 
@@ -258,7 +280,7 @@ void Detector::Impl::examine(const ImageView& image, const Shape& shape) {
   candidate.corners = shape.corners;
   candidate.hole = shape.hole;
   candidate.rejection = Rejection::shape;
-  candidate.note = "beyond what the lens model can image";
+  note(candidate, "beyond what the lens model can image");
   Quad ideal;
   bool whole = true;
   for (std::size_t i = 0; i < 4 && whole; ++i) {
@@ -272,14 +294,14 @@ void Detector::Impl::examine(const ImageView& image, const Shape& shape) {
           detect::fit_edges(image, lens, ideal, side_profile(shape.hole, book.cells()));
       if (!fitted) {
         candidate.rejection = Rejection::edges;
-        candidate.note = shape.hole
-                             ? "some side has no straight edge, bright inside and dark outside"
-                             : "some side has no straight edge, dark inside and bright outside";
+        note(candidate, shape.hole
+                            ? "some side has no straight edge, bright inside and dark outside"
+                            : "some side has no straight edge, dark inside and bright outside");
         continue;
       }
       if (detect::mean_side(fitted->corners) < options.min_side_px) {
         candidate.rejection = Rejection::shape;
-        candidate.note = "smaller than the smallest side looked for";
+        note(candidate, "smaller than the smallest side looked for");
         continue;
       }
       candidate.rejection = identify(image, candidate, book, *fitted, kSharp);
@@ -358,10 +380,10 @@ void Detector::Impl::add_recovered(const detect::Recovered& recovered) {
   Candidate candidate;
   candidate.corners = detection.corners;
   candidate.placed = recovered.placed;
-  char note[96];
-  std::snprintf(note, sizeof note, "partly covered: %d of %d edges seen", recovered.evidence.seen,
+  char words[96];
+  std::snprintf(words, sizeof words, "partly covered: %d of %d edges seen", recovered.evidence.seen,
                 recovered.evidence.predicted);
-  candidate.note = note;
+  note(candidate, words);
   found.push_back({detection, Standing::sure, candidates.size()});
   candidates.push_back(std::move(candidate));
 }
@@ -402,14 +424,16 @@ void Detector::Impl::reject(const Found& what, Rejection why) {
   candidates[what.candidate].rejection = why;
 }
 
-std::vector<Detection> Detector::Impl::settle() {
+void Detector::Impl::settle(std::vector<Detection>& detections) {
   const detect::Relations relations(placed, lens);
   // The best first, so that what comes later has to agree with it.
-  std::stable_sort(found.begin(), found.end(), [](const Found& a, const Found& b) {
+  std::sort(found.begin(), found.end(), [](const Found& a, const Found& b) {
     if (a.standing != b.standing) return a.standing < b.standing;
-    return a.detection.quality > b.detection.quality;
+    if (a.detection.quality != b.detection.quality)
+      return a.detection.quality > b.detection.quality;
+    return a.candidate < b.candidate;
   });
-  std::vector<Found> kept;
+  kept.clear();
   for (const Found& next : found) {
     const Detection& detection = next.detection;
     Rejection why = Rejection::none;
@@ -435,13 +459,8 @@ std::vector<Detection> Detector::Impl::settle() {
     else
       kept.push_back(next);
   }
-  std::stable_sort(kept.begin(), kept.end(), [](const Found& a, const Found& b) {
-    return a.detection.placed < b.detection.placed;
-  });
-  std::vector<Detection> detections;
-  detections.reserve(kept.size());
   for (const Found& one : kept) detections.push_back(one.detection);
-  return detections;
+  sort_by_place(detections);
 }
 
 /// Whether the marker is seen where it was predicted; fills in the rest of the detection.
@@ -475,17 +494,19 @@ bool Detector::Impl::confirm(const ImageView& image, const detect::PredictedQuad
 /// From the largest marker of every sheet, the others that weren't found by themselves.
 void Detector::Impl::infer(const ImageView& image, std::vector<Detection>& detections) {
   const detect::Relations relations(placed, lens);
-  std::vector<std::size_t> by_size(detections.size());
+  by_size.resize(detections.size());
   for (std::size_t i = 0; i < by_size.size(); ++i) by_size[i] = i;
-  std::stable_sort(by_size.begin(), by_size.end(), [&](std::size_t a, std::size_t b) {
-    return detect::area(detections[a].corners) > detect::area(detections[b].corners);
+  std::sort(by_size.begin(), by_size.end(), [&](std::size_t a, std::size_t b) {
+    const double area_a = detect::area(detections[a].corners);
+    const double area_b = detect::area(detections[b].corners);
+    return area_a != area_b ? area_a > area_b : a < b;
   });
-  std::vector<bool> explained(detections.size(), false);
-  std::vector<Detection> inferred;
+  explained.assign(detections.size(), false);
+  inferred.clear();
   for (const std::size_t base : by_size) {
     const Detection seen = detections[base];
     if (explained[base] || seen.tentative) continue;
-    std::vector<bool> present(placed.size(), false);
+    present.assign(placed.size(), false);
     for (const std::size_t other : by_size)
       if (other == base || relations.agree(seen, detections[other])) {
         explained[other] = true;
@@ -508,8 +529,7 @@ void Detector::Impl::infer(const ImageView& image, std::vector<Detection>& detec
     }
   }
   detections.insert(detections.end(), inferred.begin(), inferred.end());
-  std::stable_sort(detections.begin(), detections.end(),
-                   [](const Detection& a, const Detection& b) { return a.placed < b.placed; });
+  sort_by_place(detections);
 }
 
 void Detector::Impl::check_size(const ImageView& image) const {
@@ -523,8 +543,8 @@ void Detector::Impl::check_size(const ImageView& image) const {
 }
 
 /// In a part of the image, which is an image by itself but for where its pixels are counted from.
-std::vector<Detection> Detector::Impl::detect(const ImageView& image, const Region& region,
-                                              DetectionTrace* trace) {
+void Detector::Impl::detect(const ImageView& image, const Region& region,
+                            std::vector<Detection>& detections, DetectionTrace* trace) {
   const bool within = region.x >= 0 && region.y >= 0 && region.width > 0 && region.height > 0 &&
                       region.width <= image.width() - region.x &&
                       region.height <= image.height() - region.y;
@@ -534,16 +554,18 @@ std::vector<Detection> Detector::Impl::detect(const ImageView& image, const Regi
   origin = {region.x, region.y};
   lens.count_from(origin);
   const ImageView part(image.row(region.y) + region.x, region.width, region.height, image.stride());
-  std::vector<Detection> detections = detect(part, trace);
+  detect(part, detections, trace);
   for (Detection& detection : detections)
     for (Eigen::Vector2d& corner : detection.corners) corner += origin;
   options.min_side_px = least;
   origin.setZero();
   lens.count_from(origin);
-  return detections;
 }
 
-std::vector<Detection> Detector::Impl::detect(const ImageView& image, DetectionTrace* trace) {
+void Detector::Impl::detect(const ImageView& image, std::vector<Detection>& detections,
+                            DetectionTrace* trace) {
+  detections.clear();
+  explaining = trace != nullptr;
   if (trace) *trace = {};
   candidates.clear();
   found.clear();
@@ -553,12 +575,11 @@ std::vector<Detection> Detector::Impl::detect(const ImageView& image, DetectionT
     return one.detection.layer == 1 && one.standing == Standing::sure;
   });
   if (options.covered && !whole_parent) recover(image, trace);
-  std::vector<Detection> detections = settle();
+  settle(detections);
   for (Detection& detection : detections)
     if (detection.visible == 1.0) sharpen(image, detection);
   if (options.infer) infer(image, detections);
   if (trace) trace->candidates = candidates;
-  return detections;
 }
 
 Detector::Detector(MarkerSet markers, const DetectorOptions& options)
@@ -575,13 +596,22 @@ Detector& Detector::operator=(Detector&&) noexcept = default;
 
 std::vector<Detection> Detector::detect(const ImageView& image, DetectionTrace* trace) {
   impl_->check_size(image);
-  return impl_->detect(image, trace);
+  std::vector<Detection> detections;
+  impl_->detect(image, detections, trace);
+  return detections;
+}
+
+void Detector::detect(const ImageView& image, std::vector<Detection>& detections) {
+  impl_->check_size(image);
+  impl_->detect(image, detections, nullptr);
 }
 
 std::vector<Detection> Detector::detect(const ImageView& image, const Region& region,
                                         DetectionTrace* trace) {
   impl_->check_size(image);
-  return impl_->detect(image, region, trace);
+  std::vector<Detection> detections;
+  impl_->detect(image, region, detections, trace);
+  return detections;
 }
 
 const DetectorStatistics& Detector::statistics() const { return impl_->statistics; }

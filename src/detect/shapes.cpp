@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <tuple>
+#include <utility>
 
 namespace harco::detect {
 namespace {
@@ -55,8 +57,8 @@ Image picture_of(const DarkMap& map) {
 void ShapeFinder::Index::clear(int width, int height) {
   columns_ = width / kCell + 1;
   rows_ = height / kCell + 1;
-  buckets_.resize(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_));
-  for (std::vector<int>& bucket : buckets_) bucket.clear();
+  buckets_.assign(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_), -1);
+  before_.clear();
   shapes_.clear();
 }
 
@@ -67,16 +69,19 @@ void ShapeFinder::Index::add(const Shape& shape) {
   const int reach = 1 + static_cast<int>(tolerance(shape)) / kCell;
   for (int r = std::max(0, row - reach); r <= std::min(rows_ - 1, row + reach); ++r)
     for (int c = std::max(0, column - reach); c <= std::min(columns_ - 1, column + reach); ++c)
-      for (const int other : bucket(r, c))
+      for (int other = bucket(r, c); other >= 0; other = before_[static_cast<std::size_t>(other)])
         if (same(shape, shapes_[static_cast<std::size_t>(other)])) return;
-  bucket(row, column).push_back(static_cast<int>(shapes_.size()));
+  before_.push_back(std::exchange(bucket(row, column), static_cast<int>(shapes_.size())));
   shapes_.push_back(shape);
 }
 
 void ShapeFinder::Index::keep_largest(std::size_t most) {
   if (shapes_.size() <= most) return;
-  std::stable_sort(shapes_.begin(), shapes_.end(), [](const Shape& a, const Shape& b) {
-    return mean_side(a.corners) > mean_side(b.corners);
+  std::sort(shapes_.begin(), shapes_.end(), [](const Shape& a, const Shape& b) {
+    const auto key = [](const Shape& shape) {
+      return std::tuple(-mean_side(shape.corners), shape.corners[0].y(), shape.corners[0].x());
+    };
+    return key(a) < key(b);
   });
   shapes_.resize(most);
 }

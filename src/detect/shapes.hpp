@@ -47,12 +47,13 @@ class ShapeFinder {
 
    private:
     static constexpr int kCell = 16;  // pixels
-    std::vector<int>& bucket(int row, int column) {
+    int& bucket(int row, int column) {
       return buckets_[static_cast<std::size_t>(row * columns_ + column)];
     }
     int columns_ = 0;
     int rows_ = 0;
-    std::vector<std::vector<int>> buckets_;
+    // The last shape of each bucket, and of each shape the one before it there; -1 at the end.
+    std::vector<int> buckets_, before_;
     std::vector<Shape> shapes_;
   };
 

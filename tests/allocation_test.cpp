@@ -1,0 +1,91 @@
+// Once its memory has grown, the detector allocates nothing.
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <new>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "harco/harco.hpp"
+#include "lab/render.hpp"
+
+namespace {
+
+std::atomic<long> allocations{0};
+
+void* counted(std::size_t size) {
+  ++allocations;
+  if (void* memory = std::malloc(size == 0 ? 1 : size)) return memory;
+  throw std::bad_alloc();
+}
+
+}  // namespace
+
+void* operator new(std::size_t size) { return counted(size); }
+void* operator new[](std::size_t size) { return counted(size); }
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete[](void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+void operator delete[](void* memory, std::size_t) noexcept { std::free(memory); }
+
+namespace harco {
+namespace {
+
+MarkerSet marker_set(int layers) {
+  DictionaryOptions options;
+  options.child_cells.assign(static_cast<std::size_t>(layers - 1), quincunx(options.cells));
+  options.effort = 0.05;
+  return build_markers(generate_dictionary(options), 1.6);
+}
+
+/// Nobody looks for covered markers: that does allocate.
+DetectorOptions whole_only() {
+  DetectorOptions options;
+  options.covered = false;
+  return options;
+}
+
+/// Allocations of one more frame after two alike.
+long allocations_in(Detector& detector, const Image& image, std::vector<Detection>& detections) {
+  detector.detect(image.view(), detections);
+  detector.detect(image.view(), detections);
+  const long before = allocations;
+  detector.detect(image.view(), detections);
+  return allocations - before;
+}
+
+TEST(Allocations, AreCounted) {
+  const long before = allocations;
+  const std::vector<int> some(100);
+  EXPECT_EQ(allocations - before, 1);
+  EXPECT_EQ(some.size(), 100U);
+}
+
+TEST(Allocations, AreNoneInFramesWithMarkers) {
+  const MarkerSet set = marker_set(3);
+  lab::Scene scene;
+  scene.camera = Camera::pinhole(750, 480, 700.0);
+  Detector detector(set, whole_only());
+  std::vector<Detection> detections;
+  for (const double distance : {0.5, 2.0, 6.0}) {
+    scene.parents = {{0, lab::look_at_marker({0.8, 0.8}, distance, 0.3, 0.4, 0.5)}};
+    const Image image = lab::render(scene, set, 1);
+    EXPECT_EQ(allocations_in(detector, image, detections), 0) << distance;
+    EXPECT_FALSE(detections.empty()) << distance;
+  }
+}
+
+TEST(Allocations, AreNoneInFramesOfNoise) {
+  Detector detector(marker_set(2), whole_only());
+  Image image(640, 480, 0);
+  std::uint32_t state = 1;
+  for (std::uint8_t& pixel : image.pixels)
+    pixel = static_cast<std::uint8_t>((state = state * 1664525U + 1013904223U) >> 24);
+  std::vector<Detection> detections;
+  EXPECT_EQ(allocations_in(detector, image, detections), 0);
+}
+
+}  // namespace
+}  // namespace harco
