@@ -37,7 +37,10 @@ class Simulate : public testing::Test {
     save_markers(three_layers(), folder_ / "markers.json");
     write_file(folder_ / "scene.yaml", kScene);
   }
-  std::string path(const std::string& name) const { return "'" + (folder_ / name).string() + "'"; }
+  std::string path(const std::string& name) const {
+    std::string quoted(1, '\'');
+    return quoted.append((folder_ / name).string()).append(1, '\'');
+  }
   CommandResult refused(const std::string& scene) {
     write_file(folder_ / "bad.yaml", scene);
     const CommandResult result =
