@@ -16,9 +16,9 @@ constexpr double kAny = std::numeric_limits<double>::infinity();
 LandingOrderOptions only_roll() {
   LandingOrderOptions options;
   options.level = {0.05, kAny, kAny};
-  options.windows.min_duration_s = 0.9;
+  options.windows.min_duration_s = 0.7;
   options.windows.level.draws = 300;
-  options.contact_s = 0.3;
+  options.contact_s = 0.2;
   options.max_forecast_age_s = 100.0;
   return options;
 }
