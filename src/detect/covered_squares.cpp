@@ -12,7 +12,7 @@ constexpr double kLeastSegment = 6.0;
 // The shortest outline: of what is left of a ring's side between two things that cover it.
 constexpr std::size_t kLeastOutline = 24;
 // How many squares are tried in a frame.
-constexpr std::size_t kMostSquares = 40;
+constexpr std::size_t kMostSquares = 20;
 
 void halve(const ImageView& image, Image& half) {
   const int width = image.width() / 2;
