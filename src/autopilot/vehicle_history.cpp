@@ -64,20 +64,21 @@ bool VehicleHistory::add(const Turned& turned) { return append(turned_, turned);
 
 bool VehicleHistory::add(const mavlink::Attitude& m) {
   if (!all_finite(m.roll, m.pitch, m.yaw, m.rollspeed, m.pitchspeed, m.yawspeed)) return false;
-  const Quaterniond ned_R_body = Eigen::AngleAxisd(m.yaw, Vector3d::UnitZ()) *
-                                 Eigen::AngleAxisd(m.pitch, Vector3d::UnitY()) *
-                                 Eigen::AngleAxisd(m.roll, Vector3d::UnitX());
-  return add(
-      Turned{seconds(m.time_boot_ms), ned_R_body, Vector3d(m.rollspeed, m.pitchspeed, m.yawspeed)});
+  const Vector3d angles = Eigen::Vector3f(m.roll, m.pitch, m.yaw).cast<double>();
+  const Vector3d rates = Eigen::Vector3f(m.rollspeed, m.pitchspeed, m.yawspeed).cast<double>();
+  const Quaterniond ned_R_body = Eigen::AngleAxisd(angles.z(), Vector3d::UnitZ()) *
+                                 Eigen::AngleAxisd(angles.y(), Vector3d::UnitY()) *
+                                 Eigen::AngleAxisd(angles.x(), Vector3d::UnitX());
+  return add(Turned{seconds(m.time_boot_ms), ned_R_body, rates});
 }
 
 bool VehicleHistory::add(const mavlink::AttitudeQuaternion& m) {
-  const Quaterniond q(m.q1, m.q2, m.q3, m.q4);
+  const Quaterniond q = Eigen::Quaternionf(m.q1, m.q2, m.q3, m.q4).cast<double>();
+  const Vector3d rates = Eigen::Vector3f(m.rollspeed, m.pitchspeed, m.yawspeed).cast<double>();
   if (!all_finite(m.q1, m.q2, m.q3, m.q4, m.rollspeed, m.pitchspeed, m.yawspeed) ||
       std::abs(q.norm() - 1.0) > 0.01)
     return false;
-  return add(Turned{seconds(m.time_boot_ms), q.normalized(),
-                    Vector3d(m.rollspeed, m.pitchspeed, m.yawspeed)});
+  return add(Turned{seconds(m.time_boot_ms), q.normalized(), rates});
 }
 
 bool VehicleHistory::add(const mavlink::LocalPositionNed& m) {

@@ -258,11 +258,12 @@ bool ConvexRegions::may_be_convex(RegionTop& top) {
     left = left_end.x;
     if (left > high) break;
     right = right_end.x;
-    if (left_end.from_above | right_end.from_above) return false;
+    if (left_end.from_above || right_end.from_above) return false;
     if (left <= 0 || right >= width - 1) return false;
     const int tolerance = 2 + rows / 16;
-    const bool convex = left_side.go_to(-left, tolerance) & right_side.go_to(right, tolerance);
-    if (!convex) return false;
+    const bool left_convex = left_side.go_to(-left, tolerance);
+    const bool right_convex = right_side.go_to(right, tolerance);
+    if (!left_convex || !right_convex) return false;
     least = std::min(least, left);
     most = std::max(most, right);
     ends_[static_cast<std::size_t>(rows)] = {left, right};
