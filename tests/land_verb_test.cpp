@@ -431,8 +431,8 @@ TEST_F(LandVerb, Px4IsToldThePlaceInItsOwnFrame) {
   for (const LandingTarget& target : targets) {
     EXPECT_EQ(target.frame, value::kFrameLocalNed);
     EXPECT_EQ(target.position_valid, 1);
-    EXPECT_LT((Eigen::Vector3d(target.x, target.y, target.z) - origin).norm(), 0.05)
-        << target.x << " " << target.y << " " << target.z;
+    const Eigen::Vector3d position = Eigen::Vector3f(target.x, target.y, target.z).cast<double>();
+    EXPECT_LT((position - origin).norm(), 0.05) << target.x << " " << target.y << " " << target.z;
   }
   ASSERT_EQ(relatives.size(), targets.size());
   EXPECT_GT(relatives.back().pos_std[2], 0.0F);

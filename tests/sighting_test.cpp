@@ -26,7 +26,7 @@ Pose pose_with_middle_at(const Vector3d& camera_p_middle) {
 }
 const Vector3d kMiddle(0.2, 0.2, 0.0);
 
-Vector3d position(const LandingTarget& m) { return {m.x, m.y, m.z}; }
+Vector3d position(const LandingTarget& m) { return Eigen::Vector3f(m.x, m.y, m.z).cast<double>(); }
 
 TEST(Sighting, CameraOffsetAndRotationLeadToTheBodyFrame) {
   Mount mount;
@@ -47,7 +47,7 @@ TEST(Sighting, CameraOffsetAndRotationLeadToTheBodyFrame) {
   // The marker's x axis is the image's right, thus the vehicle's: a quarter turn about down.
   EXPECT_NEAR(message.q[0], std::sqrt(0.5), 1e-6);
   EXPECT_NEAR(message.q[3], std::sqrt(0.5), 1e-6);
-  EXPECT_NEAR(message.size_x, 2.0 * std::atan(0.2 / double{message.distance}), 1e-6);
+  EXPECT_NEAR(message.size_x, 2.0 * std::atan(0.2 / static_cast<double>(message.distance)), 1e-6);
 }
 
 TEST(Sighting, AnglesAreWhatArduPilotMakesADirectionOf) {
@@ -58,8 +58,10 @@ TEST(Sighting, AnglesAreWhatArduPilotMakesADirectionOf) {
   // It takes (-tan(angle_y), tan(angle_x), 1) for the direction in the body frame.
   const Vector3d direction =
       Eigen::Vector3f(-std::tan(message.angle_y), std::tan(message.angle_x), 1.0F).cast<double>();
-  EXPECT_LT((direction.normalized() * double{message.distance} - Vector3d(0.5, 0.3, 2.0)).norm(),
-            1e-6);
+  EXPECT_LT(
+      (direction.normalized() * static_cast<double>(message.distance) - Vector3d(0.5, 0.3, 2.0))
+          .norm(),
+      1e-6);
 }
 
 TEST(Sighting, ATargetThatIsntBelowHasNoAngles) {

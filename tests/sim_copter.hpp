@@ -40,7 +40,8 @@ class SimCopter {
   void hear(const mavlink::LandingTarget& message) {
     const State& then = before(state_.time_s - lag_s);
     const Eigen::Vector3d measured =
-        then.position + then.ned_R_body * Eigen::Vector3d(message.x, message.y, message.z);
+        then.position +
+        then.ned_R_body * Eigen::Vector3f(message.x, message.y, message.z).cast<double>();
     target_ =
         has_target(state_.time_s) ? Eigen::Vector3d(0.7 * *target_ + 0.3 * measured) : measured;
     heard_s_ = state_.time_s;

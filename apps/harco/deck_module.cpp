@@ -40,15 +40,15 @@ class Watch : public DeckWatch {
 
 }  // namespace
 
-HARCO_MODULE_EXPORT std::unique_ptr<DeckWatch> harco_deck_watch(
-    const LandingOrderOptions& options) {
-  return std::make_unique<Watch>(options);
+HARCO_MODULE_EXPORT void harco_deck_watch(const LandingOrderOptions& options,
+                                          std::unique_ptr<DeckWatch>& watch) {
+  watch = std::make_unique<Watch>(options);
 }
 
-HARCO_MODULE_EXPORT DeckSample harco_deck_sample(const Pose& pose, const CameraState& camera,
-                                                 double time_s,
-                                                 const Eigen::Vector3d& touchdown_point) {
-  return deck_sample(pose, camera, time_s, touchdown_point);
+HARCO_MODULE_EXPORT void harco_deck_sample(const Pose& pose, const CameraState& camera,
+                                           double time_s, const Eigen::Vector3d& touchdown_point,
+                                           DeckSample& sample) {
+  sample = deck_sample(pose, camera, time_s, touchdown_point);
 }
 
 }  // namespace harco::cli

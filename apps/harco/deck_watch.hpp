@@ -33,9 +33,9 @@ class DeckWatch {
 };
 
 /// The module's functions.
-using MakeDeckWatch = std::unique_ptr<DeckWatch>(const LandingOrderOptions& options);
-using MakeDeckSample = DeckSample(const Pose& pose, const CameraState& camera, double time_s,
-                                  const Eigen::Vector3d& touchdown_point);
+using MakeDeckWatch = void(const LandingOrderOptions& options, std::unique_ptr<DeckWatch>& watch);
+using MakeDeckSample = void(const Pose& pose, const CameraState& camera, double time_s,
+                            const Eigen::Vector3d& touchdown_point, DeckSample& sample);
 
 template <typename Function>
 Function* deck_function(const char* name) {

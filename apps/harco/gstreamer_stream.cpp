@@ -219,12 +219,11 @@ void start_gstreamer() {
 
 }  // namespace
 
-HARCO_MODULE_EXPORT std::unique_ptr<Stream> harco_gstreamer_open(const std::string& name,
-                                                                 const std::string& pipeline,
-                                                                 bool colour,
-                                                                 const StopSignal& stop) {
+HARCO_MODULE_EXPORT void harco_gstreamer_open(const std::string& name, const std::string& pipeline,
+                                              bool colour, const StopSignal& stop,
+                                              std::unique_ptr<Stream>& stream) {
   start_gstreamer();
-  return std::make_unique<GstreamerStream>(name, pipeline, colour, stop);
+  stream = std::make_unique<GstreamerStream>(name, pipeline, colour, stop);
 }
 
 }  // namespace harco::cli

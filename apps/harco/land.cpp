@@ -307,7 +307,9 @@ class Lander {
     }
     const double height_m = (vehicle.ned_R_body * sighting.body_T_target.translation()).z() -
                             options_.standing_height_m;
-    deck_->add(make_sample_(pose, state, time_s, target_point_), height_m);
+    DeckSample sample;
+    make_sample_(pose, state, time_s, target_point_, sample);
+    deck_->add(sample, height_m);
   }
 
   void note_sent(const mavlink::Message& message, double now_s, std::optional<double> captured_s) {

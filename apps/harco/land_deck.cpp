@@ -13,11 +13,17 @@ constexpr double kTextPeriod = 5.0;
 constexpr double kShortestTextPeriod = 1.0;
 constexpr double kMoved = 1.0;
 
+std::unique_ptr<DeckWatch> watch_of(const LandingOrderOptions& options) {
+  std::unique_ptr<DeckWatch> watch;
+  deck_function<MakeDeckWatch>("harco_deck_watch")(options, watch);
+  return watch;
+}
+
 }  // namespace
 
 LandDeck::LandDeck(const LandingOrderOptions& options, bool command, LandLink& link,
                    std::function<void(const DeckView&)> news)
-    : watch_(deck_function<MakeDeckWatch>("harco_deck_watch")(options)),
+    : watch_(watch_of(options)),
       command_(command),
       link_(link),
       news_(std::move(news)),

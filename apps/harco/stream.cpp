@@ -63,11 +63,13 @@ std::string pipeline_of(const std::string& word) {
 }
 
 std::unique_ptr<Stream> open_stream(const std::string& word, bool colour, const StopSignal& stop) {
-  using Open =
-      std::unique_ptr<Stream>(const std::string&, const std::string&, bool, const StopSignal&);
+  using Open = void(const std::string&, const std::string&, bool, const StopSignal&,
+                    std::unique_ptr<Stream>&);
   auto* const open =
       reinterpret_cast<Open*>(module_symbol("harco_gstreamer.so", "harco_gstreamer_open"));
-  return open(word, pipeline_of(word), colour, stop);
+  std::unique_ptr<Stream> stream;
+  open(word, pipeline_of(word), colour, stop, stream);
+  return stream;
 }
 
 }  // namespace harco::cli

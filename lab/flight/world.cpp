@@ -22,7 +22,6 @@ constexpr double kGravity = 9.81;
 constexpr double kDeckMass = 1e6;  // contacts don't move it
 constexpr double kArm_m = 0.23;    // of a rotor along x and along y
 constexpr double kYawByThrust_m = 0.016;
-constexpr double kSmooth_s = 5.0;  // in which the barometer's drift is felt
 const Vector3d kInertia(0.045, 0.045, 0.075);
 
 struct DeleteModel {

@@ -83,8 +83,9 @@ bool VehicleHistory::add(const mavlink::AttitudeQuaternion& m) {
 
 bool VehicleHistory::add(const mavlink::LocalPositionNed& m) {
   if (!all_finite(m.x, m.y, m.z, m.vx, m.vy, m.vz)) return false;
-  return append(
-      moved_, Moved{seconds(m.time_boot_ms), Vector3d(m.x, m.y, m.z), Vector3d(m.vx, m.vy, m.vz)});
+  const Vector3d place = Eigen::Vector3f(m.x, m.y, m.z).cast<double>();
+  const Vector3d velocity = Eigen::Vector3f(m.vx, m.vy, m.vz).cast<double>();
+  return append(moved_, Moved{seconds(m.time_boot_ms), place, velocity});
 }
 
 std::optional<Quaterniond> VehicleHistory::ned_R_body(double remote_s) const {
