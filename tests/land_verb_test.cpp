@@ -193,7 +193,6 @@ class Vehicle {
 
 class LandVerb : public ::testing::Test {
  protected:
-  static constexpr double kSide = 1.2;
 
   LandVerb() {
     pad_ = shared_pad();
