@@ -383,7 +383,7 @@ class Fit {
       fitted.used = plane.size() >= kLeastPoints;
       if (!fitted.used) continue;
       const Eigen::Quaterniond turn = Eigen::Quaterniond::FromTwoVectors(mean, Vector3d::UnitZ());
-      for (const Vector3d& ray : rays) image.push_back((turn * ray).hnormalized());
+      for (const Vector3d& ray : rays) image.emplace_back((turn * ray).hnormalized());
       try {
         fitted.camera_T_target = turn.inverse() * solve_planar_pose(plane, image).camera_T_plane[0];
       } catch (const std::invalid_argument&) {  // all points on a line

@@ -28,15 +28,16 @@ std::optional<std::pair<int, int>> parse_size(const std::string& text) {
 }  // namespace
 
 Board parse_board(const std::string& text) {
-  const Error wrong("--board " + text +
-                    ": is neither chessboard:COLUMNSxROWS (inner corners, as in chessboard:9x6) "
-                    "nor charuco:COLUMNSxROWS:DICTIONARY (squares, as in charuco:7x5:4x4_50)");
+  const std::string wrong =
+      "--board " + text +
+      ": is neither chessboard:COLUMNSxROWS (inner corners, as in chessboard:9x6) "
+      "nor charuco:COLUMNSxROWS:DICTIONARY (squares, as in charuco:7x5:4x4_50)";
   const std::size_t colon = text.find(':');
-  if (colon == std::string::npos) throw wrong;
+  if (colon == std::string::npos) throw Error(wrong);
   const std::string kind = text.substr(0, colon);
   const std::size_t second = text.find(':', colon + 1);
   const auto size = parse_size(text.substr(colon + 1, second - colon - 1));
-  if (!size) throw wrong;
+  if (!size) throw Error(wrong);
   Board board;
   board.columns = size->first;
   board.rows = size->second;
@@ -46,7 +47,7 @@ Board parse_board(const std::string& text) {
       throw Error("--board " + text + ": a chessboard has at least 3 x 3 inner corners");
     return board;
   }
-  if (kind != "charuco" || !named) throw wrong;
+  if (kind != "charuco" || !named) throw Error(wrong);
   if (board.columns < 3 || board.rows < 3)
     throw Error("--board " + text + ": a ChArUco board has at least 3 x 3 squares");
   board.kind = Board::Kind::charuco;

@@ -118,8 +118,10 @@ DirectionUncertainty direction_uncertainty(const Calibration& calibration, Calib
   // A fisheye's image may reach beyond the rays that its model knows.
   const bool ends = camera.lens == LensModel::equidistant && camera.in_range({1e5, 0.0});
   for (int i = 0; i < kColumns * kRows; ++i) {
-    const Vector2d place(static_cast<double>(i % kColumns) / (kColumns - 1),
-                         static_cast<double>(i / kColumns) / (kRows - 1));
+    const int column = i % kColumns;
+    const int row = i / kColumns;
+    const Vector2d place(static_cast<double>(column) / (kColumns - 1),
+                         static_cast<double>(row) / (kRows - 1));
     const auto ray =
         camera.unproject({place.x() * (camera.width - 1.0), place.y() * (camera.height - 1.0)});
     ProjectedPoint at;
@@ -256,7 +258,7 @@ Verdict judge(const Evidence& e) {
                     "pictures with the target there",
                     e.direction.worst_px));
   if (!e.direction.everywhere)
-    weak.push_back(
+    weak.emplace_back(
         "the lens's formula fails in parts of the image that no picture covers; cover them, or try "
         "another --model");
   if (e.held_out_rms_px > kOverfit * e.rms_px)
