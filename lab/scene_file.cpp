@@ -21,8 +21,8 @@ constexpr double kDegree = 0.017453292519943295;
 /// The fields of one mapping. Every field has to be asked for: what is left over is misspelt.
 class Fields {
  public:
-  Fields(YAML::Node node, std::string file, std::string path)
-      : node_(std::move(node)), file_(std::move(file)), path_(std::move(path)) {
+  Fields(const YAML::Node& node, std::string file, std::string path)
+      : node_(node), file_(std::move(file)), path_(std::move(path)) {
     if (!node_.IsMap()) fail(path_.empty() ? "must be a mapping" : path_ + " must be a mapping");
   }
 
