@@ -193,7 +193,6 @@ class Vehicle {
 
 class LandVerb : public ::testing::Test {
  protected:
-
   LandVerb() {
     pad_ = shared_pad();
     save_markers(pad_, folder_ / "markers.json");
