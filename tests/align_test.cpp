@@ -397,7 +397,12 @@ TEST(Align, LeavesOutAnOccluder) {
   };
   const Series series = run(setting);
   expect_good(series, setting.frames);
-  EXPECT_LT(median(series.share), 0.95 * median(clear.share));
+  // It hides 7 % of the square. The same scenes in pairs: shares differ from scene to scene by more.
+  ASSERT_EQ(series.share.size(), clear.share.size());
+  std::vector<double> less;
+  for (std::size_t i = 0; i < series.share.size(); ++i)
+    less.push_back(clear.share[i] - series.share[i]);
+  EXPECT_GT(median(less), 0.03);
   EXPECT_LT(median(series.angle), 2.0 * median(clear.angle));
 }
 

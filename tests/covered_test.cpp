@@ -274,7 +274,8 @@ TEST(Relations, WhatIsPartlyCoveredHasToAgreeWithWhatIsWhole) {
       detection.corners[i] = (placed[index].corners_m()[i] + shift_m) / 0.002;
     return detection;
   };
-  const detect::Relations relations(placed, detect::Lens());
+  const detect::Lens lens;
+  const detect::Relations relations(placed, lens);
   Detection parent = seen(0, {0.0, 0.0});
   const Detection child = seen(1, {0.3 * placed[1].side_m, 0.0});
   EXPECT_FALSE(relations.agree(parent, child));

@@ -334,16 +334,16 @@ class Fit {
       return matrix;
     };
     const Eigen::Index count = all.front().camera.rows();
-    MatrixXd reduced = MatrixXd::Zero(count, count);
-    VectorXd gradient = VectorXd::Zero(count);
-    for (const Normals& own : all) {
-      const Eigen::LDLT<MatrixXd> pose(damped(own.pose));
-      reduced += damped(own.camera) - own.cross * pose.solve(own.cross.transpose());
-      gradient += own.camera_gradient - own.cross * pose.solve(own.pose_gradient);
-    }
     State next = state;
-    VectorXd camera_step = VectorXd::Zero(count);
-    if (count > 0) {
+    VectorXd camera_step(count);
+    if (count > 0) {  // else the camera is kept
+      MatrixXd reduced = MatrixXd::Zero(count, count);
+      VectorXd gradient = VectorXd::Zero(count);
+      for (const Normals& own : all) {
+        const Eigen::LDLT<MatrixXd> pose(damped(own.pose));
+        reduced += damped(own.camera) - own.cross * pose.solve(own.cross.transpose());
+        gradient += own.camera_gradient - own.cross * pose.solve(own.pose_gradient);
+      }
       camera_step = solve_scaled(reduced, gradient);
       add_to_parameters(camera_step, next.camera);
     }
