@@ -397,7 +397,8 @@ TEST(Align, LeavesOutAnOccluder) {
   };
   const Series series = run(setting);
   expect_good(series, setting.frames);
-  // It hides 7 % of the square. The same scenes in pairs: shares differ from scene to scene by more.
+  // It hides 7 % of the square. The same scenes in pairs: shares differ from scene to scene by
+  // more.
   ASSERT_EQ(series.share.size(), clear.share.size());
   std::vector<double> less;
   for (std::size_t i = 0; i < series.share.size(); ++i)
