@@ -219,8 +219,7 @@ class Report {
     if (!options.csv_file.empty()) csv_file_.emplace(options.csv_file, live_);
     if (!options.annotate.empty())
       annotations_.emplace(options.annotate, frames.count() == std::size_t{1});
-    if (!options.record.empty())
-      record_.emplace(options.record, "detect", tracking_of(options), live_);
+    if (!options.record.empty()) record_.emplace(options.record, tracking_of(options), live_);
     if (!options.record_video.empty()) video_.emplace(options.record_video, false);
   }
 
@@ -237,7 +236,7 @@ class Report {
     write(finished.result);
     if (record_)
       record_->add({finished.result, finished.frame.sequence, finished.measured, std::nullopt,
-                    finished.timing});
+                    finished.timing, std::nullopt, std::nullopt});
     if (video_ && finished.result.width > 0)
       video_->add(finished.frame, finished.frame.picture.colour);
     if (annotations_ && !finished.annotated.bgr.empty())
@@ -275,7 +274,8 @@ class Report {
   void flush_first_failure() {
     if (first_failure_) {
       write(*first_failure_);
-      if (record_) record_->add({*first_failure_, 0, {}, std::nullopt, {}});
+      if (record_)
+        record_->add({*first_failure_, 0, {}, std::nullopt, {}, std::nullopt, std::nullopt});
     }
     first_failure_.reset();
   }

@@ -17,7 +17,7 @@
 #include "harco/camera.hpp"
 #include "harco/detect.hpp"
 #include "harco/error.hpp"
-#include "harco/filter.hpp"
+#include "harco/guided.hpp"
 #include "harco/mount.hpp"
 #include "harco/pose.hpp"
 #include "harco/sighting.hpp"
@@ -26,7 +26,9 @@
 #include "land_link.hpp"
 #include "land_report.hpp"
 #include "live_source.hpp"
+#include "message_json.hpp"
 #include "stop_signal.hpp"
+#include "target_teller.hpp"
 #include "verbs.hpp"
 
 namespace harco::cli {
@@ -50,6 +52,7 @@ struct LandOptions {
   std::string stamps = "auto";
   double latency_ms = 0.0;
   double max_age_s = 0.5;
+  double coast_s = 0.0;
 
   bool deck = false;
   bool command = false;
@@ -92,6 +95,27 @@ const Parent& parent_of(const LandOptions& options, const MarkerSet& markers) {
   throw Error(fmt::format("{}: has no layer-1 marker {}", options.markers_file, *options.parent));
 }
 
+TargetOptions target_options(const LandOptions& options, const Parent& parent, const Mount& mount) {
+  TargetOptions target;
+  target.mount = mount;
+  target.parent = parent.marker.id;
+  target.side_m = parent.side_m;
+  target.point = Eigen::Vector3d(0.5 * parent.side_m, 0.5 * parent.side_m, 0.0);
+  if (!options.target.empty())
+    target.point = Eigen::Vector3d(options.target[0], options.target[1], 0.0);
+  target.autopilot = autopilot_of(options);
+  target.angles_only = options.angles_only;
+  target.relative = options.relative;
+  target.coast_s = options.coast_s;
+  return target;
+}
+
+DetectorOptions detector_options(const Camera& camera) {
+  DetectorOptions options;
+  options.camera = camera;
+  return options;
+}
+
 /// Frames to what is told of them.
 class Lander {
  public:
@@ -100,17 +124,14 @@ class Lander {
         markers_(load_markers(options.markers_file)),
         camera_(load_camera(options.camera_file)),
         mount_(options.mount_file.empty() ? Mount() : load_mount(options.mount_file)),
-        parent_(parent_of(options, markers_)),
-        detector_(markers_, camera_),
+        target_(target_options(options, parent_of(options, markers_), mount_)),
+        detector_(markers_, detector_options(camera_)),
+        teller_(target_),
         clock_({stamps_of(options.stamps), 1e-3 * options.latency_ms}),
-        lines_(files()),
+        log_(options.dry_run, options.record, target_),
         link_(open_link(), link_options(),
               [this](const mavlink::Message& message, double now_s,
                      std::optional<double> captured_s) { note_sent(message, now_s, captured_s); }) {
-    const double middle = 0.5 * parent_.side_m;
-    target_point_ = options.target.empty()
-                        ? Eigen::Vector3d(middle, middle, 0.0)
-                        : Eigen::Vector3d(options.target[0], options.target[1], 0.0);
     if (options.deck) start_deck();
   }
 
@@ -125,18 +146,11 @@ class Lander {
     }
     deck_.reset();
     link_.stop();
-    lines_.commit();
+    log_.commit();
     summarise();
   }
 
  private:
-  std::vector<std::string> files() const {
-    std::vector<std::string> files;
-    if (options_.dry_run) files.emplace_back("-");
-    if (!options_.record.empty()) files.push_back(options_.record);
-    return files;
-  }
-
   std::optional<mavlink::Link> open_link() const {
     if (options_.connect.empty()) return std::nullopt;
     mavlink::LinkOptions link;
@@ -171,9 +185,9 @@ class Lander {
     order.level.roll_rad = order.level.pitch_rad = options_.level_deg * kDegree;
     order.speed_mps = options_.land_speed_mps;
     make_sample_ = deck_function<MakeDeckSample>("harco_deck_sample");
-    deck_ =
-        std::make_unique<LandDeck>(order, options_.command, link_,
-                                   [this](const DeckView& view) { lines_.write(json_line(view)); });
+    deck_ = std::make_unique<LandDeck>(
+        order, options_.command, link_,
+        [this](const DeckView& view) { log_.add_line(json_line(view)); });
   }
 
   void look_at(Frame& frame) {
@@ -187,27 +201,34 @@ class Lander {
                               camera_.width, camera_.height));
     const auto captured_s =
         clock_.captured_s(frame, [this](double remote_s) { return link_.ours(remote_s); });
-    const auto vehicle = vehicle_at(frame, captured_s);
 
-    FrameResult result;
+    FrameRecord seen;
+    seen.vehicle = vehicle_at(frame, captured_s);
+    seen.timing.captured_s = captured_s;
+    seen.timing.received_s = frame.received_s;
+    FrameResult& result = seen.result;
     result.frame = frames_ - 1;
     result.source = options_.source;
     result.timestamp_s = frame.timestamp_s;
+    result.dropped = frame.dropped;
     result.width = image.width();
     result.height = image.height();
-    result.detections = detector_.detect(image);
+    const double start_s = monotonic_s();
+    result.detections = detector_.detect(image, teller_.tracks(frame.timestamp_s));
+    const double detected_s = monotonic_s();
     result.poses =
-        estimate_poses(image, result.detections, markers_, camera_, pose_options(vehicle));
-
-    TargetView view = view_of(result);
-    view.received_s = frame.received_s;
-    const double time_s = frame.timed ? frame.timestamp_s : frame.received_s;
-    if (const std::optional<Pose> pose = believed(result.poses, time_s, view))
-      tell(*pose, time_s, captured_s, vehicle, view);
-    latency_.add(monotonic_s() -
+        estimate_poses(image, result.detections, markers_, camera_, pose_options(seen.vehicle));
+    const double posed_s = monotonic_s();
+    const Target& target = seen.target.emplace(
+        teller_.take({frame.timestamp_s, captured_s, seen.vehicle, result.poses}));
+    tell(target, seen);
+    seen.timing.done_s = monotonic_s();
+    seen.timing.detect_ms = 1e3 * (detected_s - start_s);
+    seen.timing.pose_ms = 1e3 * (posed_s - detected_s);
+    latency_.add(seen.timing.done_s -
                  (clock_.absolute() && captured_s ? *captured_s : frame.received_s));
-    if (!options_.record.empty()) lines_.write(harco::cli::json_line(result));
-    show(view);
+    if (!options_.record.empty()) log_.add(seen);
+    show(view_of(seen));
   }
 
   std::optional<VehiclePose> vehicle_at(const Frame& frame,
@@ -229,70 +250,31 @@ class Lander {
     return options;
   }
 
-  TargetView view_of(const FrameResult& result) const {
+  TargetView view_of(const FrameRecord& seen) const {
     TargetView view;
-    for (const Detection& detection : result.detections)
-      if (detection.parent == parent_.marker.id &&
+    view.received_s = seen.timing.received_s;
+    for (const Detection& detection : seen.result.detections)
+      if (detection.parent == target_.parent &&
           std::find(view.layers.begin(), view.layers.end(), detection.layer) == view.layers.end())
         view.layers.push_back(detection.layer);
     std::sort(view.layers.begin(), view.layers.end());
+    const Target& target = *seen.target;
+    view.posed = target.pose.has_value();
+    view.believed = target.believed;
+    view.foretold = target.foretold;
+    if (!target.sighting) return view;
+    view.range_m = target.sighting->distance();
+    if (const auto& covariance = target.sighting->position_covariance)
+      view.sd_m = std::sqrt(std::max(0.0, covariance->trace()));
     return view;
   }
 
-  /// The pose of our marker, if those before it bear it out. What is told is the measurement: the
-  /// autopilot has a filter of its own, which knows the vehicle's motion.
-  std::optional<Pose> believed(const std::vector<Pose>& poses, double time_s, TargetView& view) {
-    if (time_s < last_time_s_ - 1.0) filter_ = PoseFilter();  // the source has begun anew
-    last_time_s_ = time_s;
-    const auto found = std::find_if(poses.begin(), poses.end(), [&](const Pose& pose) {
-      return pose.parent == parent_.marker.id && pose.covariance;
-    });
-    if (found == poses.end()) return std::nullopt;
-    view.posed = true;
-    Pose pose = *found;
-    const Verdict verdict = filter_.add(pose, time_s);
-    const auto state = filter_.at(time_s);
-    view.believed = verdict == Verdict::accepted && state && state->status == TrackStatus::tracking;
-    if (view.believed && pose.alternative &&
-        turn_between(*pose.alternative, state->camera_T_marker) <
-            turn_between(pose.camera_T_marker, state->camera_T_marker))
-      std::swap(pose.camera_T_marker, *pose.alternative);
-    return pose;
-  }
-
-  static double turn_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
-    return Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle();
-  }
-
-  void tell(const Pose& pose, double time_s, const std::optional<double>& captured_s,
-            const std::optional<VehiclePose>& vehicle, TargetView& view) {
-    const Sighting sighting =
-        sight(pose, mount_, target_point_, parent_.side_m, captured_s.value_or(0.0));
-    view.range_m = sighting.distance();
-    if (sighting.position_covariance)
-      view.sd_m = std::sqrt(std::max(0.0, sighting.position_covariance->trace()));
-    if (!view.believed || !captured_s) return;
-
-    TargetNews news;
-    news.captured_s = *captured_s;
-    news.since_s = clock_.absolute() ? *captured_s : view.received_s;
-    std::optional<mavlink::LandingTarget> target;
-    if (options_.angles_only) {
-      target = landing_target_angles(sighting);
-    } else if (autopilot_of(options_) == Autopilot::ardupilot) {
-      target = landing_target_body(sighting);
-    } else if (vehicle) {
-      target = landing_target_ned(sighting, *vehicle);
-    }
-    if (!target) return;
-    // Two frames never have the same time: ArduPilot takes that for the same measurement.
-    last_usec_ = target->time_usec = std::max(target->time_usec, last_usec_ + 1);
-    news.messages.emplace_back(*target);
-    if (options_.relative && vehicle)
-      if (const auto relative = target_relative(sighting, *vehicle))
-        news.messages.emplace_back(*relative);
-    link_.tell(std::move(news));
-    if (deck_ && vehicle) look_at_deck(pose, time_s, *vehicle, sighting);
+  void tell(const Target& target, const FrameRecord& seen) {
+    if (target.news.empty()) return;
+    const double captured_s = *seen.timing.captured_s;
+    link_.tell({target.news, captured_s, clock_.absolute() ? captured_s : seen.timing.received_s});
+    if (deck_ && target.believed && seen.vehicle)
+      look_at_deck(*target.pose, seen.result.timestamp_s, *seen.vehicle, *target.sighting);
   }
 
   void look_at_deck(const Pose& pose, double time_s, const VehiclePose& vehicle,
@@ -308,12 +290,12 @@ class Lander {
     const double height_m = (vehicle.ned_R_body * sighting.body_T_target.translation()).z() -
                             options_.standing_height_m;
     DeckSample sample;
-    make_sample_(pose, state, time_s, target_point_, sample);
+    make_sample_(pose, state, time_s, target_.point, sample);
     deck_->add(sample, height_m);
   }
 
   void note_sent(const mavlink::Message& message, double now_s, std::optional<double> captured_s) {
-    lines_.write(json_line(message, now_s, captured_s));
+    log_.add_line(json_line(message, now_s, captured_s));
     if (const auto* const text = std::get_if<mavlink::StatusText>(&message))
       status_.tell(text->text.substr(text->text.find(' ') + 1));
   }
@@ -347,20 +329,17 @@ class Lander {
   MarkerSet markers_;
   Camera camera_;
   Mount mount_;
-  const Parent& parent_;
-  Eigen::Vector3d target_point_;
-  Detector detector_;
-  PoseFilter filter_;
-  double last_time_s_ = -1e18;
+  TargetOptions target_;
+  GuidedDetector detector_;
+  TargetTeller teller_;
   FrameClock clock_;
-  std::uint64_t last_usec_ = 0;
 
   std::size_t frames_ = 0;
   Latencies latency_;
   double period_s_ = 1.0 / 30.0;
   std::optional<double> last_received_s_;
   StatusLine status_;
-  JsonLines lines_;
+  LandLog log_;
   LandLink link_;
   MakeDeckSample* make_sample_ = nullptr;
   std::unique_ptr<LandDeck> deck_;
@@ -465,6 +444,14 @@ void add_land(CLI::App& app) {
       ->type_name("S")
       ->capture_default_str()
       ->group(time);
+  verb->add_option(
+          "--coast", options->coast_s,
+          "While frames come but don't show the pad,\ntell where it must be by now, for so "
+          "long;\n0: never. Needs the vehicle's position")
+      ->check(CLI::Range(0.0, 3.0))
+      ->type_name("S")
+      ->capture_default_str()
+      ->group(time);
 
   const std::string deck = "Moving deck";
   verb->add_flag("--deck", options->deck, "Foretell when the deck will be level")->group(deck);
@@ -493,7 +480,8 @@ void add_land(CLI::App& app) {
   verb->add_flag("--dry-run", options->dry_run,
                  "Send no targets and no orders; print them\nas JSON lines")
       ->group(out);
-  verb->add_option("--record", options->record, "Write frames, poses and messages as JSON\nlines")
+  verb->add_option("--record", options->record,
+                   "Write frames, poses and messages as JSON\nlines, for harco replay")
       ->type_name("FILE")
       ->group(out);
   verb->callback([options] { run(*options); });

@@ -17,40 +17,6 @@ namespace {
 constexpr std::size_t kLatenciesKept = 4096;
 constexpr double kStatusPeriod = 0.2;
 
-/// The fields of a message as members of a JSON object.
-std::string fields(const mavlink::LandingTarget& m) {
-  return fmt::format(
-      R"("time_usec": {}, "target_num": {}, "frame": {}, "position_valid": {}, "x": {}, "y": {}, )"
-      R"("z": {}, "distance": {}, "angle_x": {}, "angle_y": {}, "size_x": {}, "size_y": {}, )"
-      R"("q": [{}], "type": {})",
-      m.time_usec, m.target_num, m.frame, m.position_valid, m.x, m.y, m.z, m.distance, m.angle_x,
-      m.angle_y, m.size_x, m.size_y, fmt::join(m.q, ", "), m.type);
-}
-
-std::string fields(const mavlink::TargetRelative& m) {
-  return fmt::format(
-      R"("timestamp": {}, "id": {}, "frame": {}, "x": {}, "y": {}, "z": {}, "pos_std": [{}], )"
-      R"("yaw_std": {}, "q_target": [{}], "q_sensor": [{}], "type": {})",
-      m.timestamp, m.id, m.frame, m.x, m.y, m.z, fmt::join(m.pos_std, ", "), m.yaw_std,
-      fmt::join(m.q_target, ", "), fmt::join(m.q_sensor, ", "), m.type);
-}
-
-std::string fields(const mavlink::StatusText& m) {
-  return fmt::format(R"("severity": {}, "text": "{}")", m.severity, m.text);  // our own words
-}
-
-std::string fields(const mavlink::CommandLong& m) {
-  return fmt::format(
-      R"("command": {}, "target_system": {}, "target_component": {}, "confirmation": {}, )"
-      R"("param": [{}])",
-      m.command, m.target_system, m.target_component, m.confirmation, fmt::join(m.param, ", "));
-}
-
-template <typename M>
-std::string fields(const M& /*other*/) {
-  return {};
-}
-
 const char* to_string(DeckPhase phase) {
   constexpr std::array names{"collecting", "validating", "ready"};
   return names.at(static_cast<std::size_t>(phase));
@@ -75,28 +41,26 @@ std::string link_text(const LandLinkState& link) {
 
 }  // namespace
 
-JsonLines::JsonLines(const std::vector<std::string>& files) {
-  for (const std::string& file : files)
-    streams_.push_back(std::make_unique<OutputStream>(file, /*at_once=*/true));
+LandLog::LandLog(bool print, const std::string& record, const TargetOptions& options) {
+  if (!record.empty()) record_.emplace(record, options);
+  if (print && record != "-") printed_.emplace("-", /*at_once=*/true);
 }
 
-void JsonLines::write(const std::string& line) {
+void LandLog::add(const FrameRecord& frame) {
   const std::lock_guard lock(mutex_);
-  for (const auto& stream : streams_) stream->write(line);
+  if (record_) record_->add(frame);
 }
 
-void JsonLines::commit() {
+void LandLog::add_line(const std::string& line) {
   const std::lock_guard lock(mutex_);
-  for (const auto& stream : streams_) stream->commit();
+  if (printed_) printed_->write(line);
+  if (record_) record_->add_line(line);
 }
 
-std::string json_line(const mavlink::Message& message, double sent_s,
-                      std::optional<double> captured_s) {
-  std::string line =
-      fmt::format(R"({{"message": "{}", "sent_s": {})", mavlink::name_of(message), sent_s);
-  if (captured_s) line += fmt::format(R"(, "captured_s": {})", *captured_s);
-  const std::string members = std::visit([](const auto& m) { return fields(m); }, message);
-  return line + R"(, "fields": {)" + members + "}}\n";
+void LandLog::commit() {
+  const std::lock_guard lock(mutex_);
+  if (printed_) printed_->commit();
+  if (record_) record_->commit();
 }
 
 std::string json_line(const DeckView& deck) {
@@ -159,6 +123,8 @@ std::string status_text(const TargetView& view, double frames_per_second, const 
     text += fmt::format("  layers {}  range {:.2f} m", fmt::join(view.layers, ","), view.range_m);
     if (view.sd_m) text += fmt::format(" ± {:.2g} cm", 100.0 * *view.sd_m);
     if (!view.believed) text += " (doubtful)";
+  } else if (view.foretold) {
+    text += fmt::format("  hidden  range {:.2f} m", view.range_m);
   } else {
     text += "  no target";
   }

@@ -12,27 +12,26 @@
 #include "deck_watch.hpp"
 #include "land_link.hpp"
 #include "output_stream.hpp"
-#include "results.hpp"
+#include "record.hpp"
 
 namespace harco::cli {
 
-/// Lines of JSON from several threads, to several files.
-class JsonLines {
+/// Lines of JSON from several threads: what is sent, for who reads along; all of it, in a record.
+class LandLog {
  public:
-  /// Each file as OutputStream takes it; it is written as lines come.
-  explicit JsonLines(const std::vector<std::string>& files);
+  /// `print` is to standard output; without a name there is no record. Lines are written as they
+  /// come. Throws Error if that can't be.
+  LandLog(bool print, const std::string& record, const TargetOptions& options);
 
-  void write(const std::string& line);
+  void add(const FrameRecord& frame);
+  void add_line(const std::string& line);
   void commit();
 
  private:
   std::mutex mutex_;
-  std::vector<std::unique_ptr<OutputStream>> streams_;
+  std::optional<OutputStream> printed_;
+  std::optional<RecordWriter> record_;
 };
-
-/// {"message": "LANDING_TARGET", "sent_s": …, "captured_s": …, "fields": {…}}. Times are monotonic.
-std::string json_line(const mavlink::Message& message, double sent_s,
-                      std::optional<double> captured_s);
 
 /// {"deck": {"time_s": …, "phase": "ready", "windows": […], …}}
 std::string json_line(const DeckView& deck);
@@ -43,6 +42,7 @@ struct TargetView {
   std::vector<int> layers;  ///< that were seen
   bool posed = false;       ///< there was a pose ...
   bool believed = false;    ///< ... and it agrees with those before it
+  bool foretold = false;    ///< it wasn't seen, but is where it must be by now
   double range_m = 0.0;
   std::optional<double> sd_m;  ///< of the target point: root of the sum of its variances
 };

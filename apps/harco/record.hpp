@@ -9,12 +9,11 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "harco/filter.hpp"
 #include "harco/pose.hpp"
 #include "output_stream.hpp"
 #include "results.hpp"
+#include "target_teller.hpp"
 #include "tracking.hpp"
 
 namespace harco::cli {
@@ -35,20 +34,25 @@ struct FrameRecord {
   std::vector<Pose> measured;     ///< the poses before anything made use of time
   CameraPose reference_T_camera;  ///< as given to the filter
   FrameTiming timing;
+  // Of a landing:
+  std::optional<VehiclePose> vehicle;
+  std::optional<Target> target;  ///< made from the result's poses
 };
 
 /// A record in the making.
 class RecordWriter {
  public:
-  /// `tracking` is how poses are filtered, if they are; `verb` who records; `at_once` as of
-  /// OutputStream. Throws Error if the file can't be written.
-  RecordWriter(const std::string& file, const std::string& verb,
-               const std::optional<TrackingOptions>& tracking, bool at_once);
+  /// Of detect; `tracking` is how poses are filtered, if they are, `at_once` as of OutputStream.
+  /// Throws Error if the file can't be written.
+  RecordWriter(const std::string& file, const std::optional<TrackingOptions>& tracking,
+               bool at_once);
+  /// Of land; it is written as lines come.
+  RecordWriter(const std::string& file, const TargetOptions& target);
 
   void add(const FrameRecord& frame);
-  /// Any other line, such as a message sent: {"message": kind, "time_s": time, …fields}. Replay
-  /// passes it on.
-  void add_message(const std::string& kind, double time_s, const nlohmann::ordered_json& fields);
+  /// Another line with its end: an object with `message`, what was sent, or `deck`, what is known
+  /// of it. Replay passes it on.
+  void add_line(const std::string& line) { write(line); }
   void commit();
 
  private:
@@ -58,9 +62,10 @@ class RecordWriter {
   OutputStream output_;
 };
 
-/// Reads a record and plays it again: every frame's poses go through the tracking anew. Calls
-/// `give` with the lines that the recorded command wrote, or would have written: frames, and
-/// messages as they are. Throws Error, naming file and line, if it is no record.
+/// Reads a record and plays it again: every frame's poses go through the tracking anew, or through
+/// what made messages of them. Calls `give` with the lines that the recorded command wrote, or
+/// would have written: frames, and messages sent as they are. Throws Error, naming file and line,
+/// if it is no record.
 void replay(const std::string& file, const std::function<void(const std::string& line)>& give);
 
 }  // namespace harco::cli
