@@ -95,5 +95,27 @@ TEST(Allocations, AreNoneInFramesOfNoise) {
   EXPECT_EQ(allocations_in(detector, image, detections), 0);
 }
 
+/// Who of several threads gets which part of a frame is chance, so each one's memory may take some
+/// frames to grow.
+TEST(Allocations, EndWithSeveralThreadsToo) {
+  constexpr int kEnough = 20;
+  const MarkerSet set = marker_set(2);
+  lab::Scene scene;
+  scene.camera = Camera::pinhole(750, 480, 700.0);
+  scene.parents = {{0, lab::look_at_marker({0.8, 0.8}, 2.0, 0.3, 0.4, 0.5)}};
+  const Image image = lab::render(scene, set, 1);
+  DetectorOptions options = whole_only();
+  options.threads = 2;
+  Detector detector(set, options);
+  std::vector<Detection> detections;
+  int frames_without = 0;
+  for (int frame = 0; frame < 1000 && frames_without < kEnough; ++frame) {
+    const long before = allocations;
+    detector.detect(image.view(), detections);
+    frames_without = allocations == before ? frames_without + 1 : 0;
+  }
+  EXPECT_EQ(frames_without, kEnough);
+}
+
 }  // namespace
 }  // namespace harco

@@ -571,6 +571,14 @@ void add_detect(CLI::App& app) {
                          "pipe again when it ends; cameras and network streams always do so"))
       ->group(time);
   verb->add_option(
+          "--threads", options->detector.threads,
+          wrapped("Threads that work on one frame, for less delay; the output is the same. Where "
+                  "there are many frames, --jobs makes more of them"))
+      ->check(CLI::Range(1, DetectorOptions::kMostThreads).description(""))
+      ->type_name("N")
+      ->capture_default_str()
+      ->group(time);
+  verb->add_option(
           "--jobs", options->jobs,
           wrapped("Frames looked at at once; the output is the same (with --track always one)"))
       ->check(CLI::Range(1, 256).description(""))

@@ -53,6 +53,7 @@ struct LandOptions {
   double latency_ms = 0.0;
   double max_age_s = 0.5;
   double coast_s = 0.0;
+  int threads = 1;
 
   bool deck = false;
   bool command = false;
@@ -110,8 +111,9 @@ TargetOptions target_options(const LandOptions& options, const Parent& parent, c
   return target;
 }
 
-DetectorOptions detector_options(const Camera& camera) {
+DetectorOptions detector_options(const Camera& camera, int threads) {
   DetectorOptions options;
+  options.threads = threads;
   options.camera = camera;
   return options;
 }
@@ -125,7 +127,7 @@ class Lander {
         camera_(load_camera(options.camera_file)),
         mount_(options.mount_file.empty() ? Mount() : load_mount(options.mount_file)),
         target_(target_options(options, parent_of(options, markers_), mount_)),
-        detector_(markers_, detector_options(camera_)),
+        detector_(markers_, detector_options(camera_, options.threads)),
         teller_(target_),
         clock_({stamps_of(options.stamps), 1e-3 * options.latency_ms}),
         log_(options.dry_run, options.record, target_),
@@ -450,6 +452,11 @@ void add_land(CLI::App& app) {
           "long;\n0: never. Needs the vehicle's position")
       ->check(CLI::Range(0.0, 3.0))
       ->type_name("S")
+      ->capture_default_str()
+      ->group(time);
+  verb->add_option("--threads", options->threads, "Threads that work on one frame, for less delay")
+      ->check(CLI::Range(1, DetectorOptions::kMostThreads))
+      ->type_name("N")
       ->capture_default_str()
       ->group(time);
 

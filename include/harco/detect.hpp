@@ -73,6 +73,11 @@ struct DetectorOptions {
   /// of their sheet says that they are (Detection::inferred).
   bool infer = true;
 
+  /// Threads that work on one frame, the caller's included, 1 … kMostThreads. Results are the same
+  /// with any number. The detector keeps them, asleep, from frame to frame.
+  int threads = 1;
+  static constexpr int kMostThreads = 256;
+
   /// Lens of the images. With it, edges are fitted where they are straight; without it,
   /// the image is taken to be free of distortion.
   std::optional<Camera> camera;

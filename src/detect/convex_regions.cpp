@@ -123,16 +123,39 @@ void ConvexRegions::start(const Threshold& threshold, std::size_t level, bool da
   dark_ = dark;
   known_ = level == Threshold::kLowLevel ? &threshold.map(Threshold::kMiddleLevel) : nullptr;
   limits_ = limits;
-  row_ = map_->height();
-  tops_.clear();
-  next_top_ = 0;
-  ends_.resize(static_cast<std::size_t>(map_->height()));
   find_tall();
+  whole_tall_ = &tall_;
   // More rows than this tell hardly more.
   constexpr int kMostRows = 13;
   ways_rows_ = std::clamp(limits.least_extent - 1, 1, kMostRows);
+  start_rows(0, map_->height());
+}
+
+void ConvexRegions::start(const ConvexRegions& whole, int first_row, int end_row) {
+  threshold_ = whole.threshold_;
+  map_ = whole.map_;
+  dark_ = whole.dark_;
+  known_ = whole.known_;
+  limits_ = whole.limits_;
+  whole_tall_ = &whole.tall_;
+  ways_rows_ = whole.ways_rows_;
+  start_rows(first_row, end_row);
+}
+
+void ConvexRegions::start_rows(int first_row, int end_row) {
+  // What begins in the first row touches the border.
+  first_row_ = std::max(1, first_row);
+  tops_.clear();
+  next_top_ = 0;
+  ends_.resize(static_cast<std::size_t>(map_->height()));
   ways_stride_ = map_->words_in_row() + 2;
   ways_.assign(static_cast<std::size_t>(ways_rows_ * ways_stride_), 0);
+  // Ways lead through the rows below.
+  row_ = std::min(end_row + ways_rows_ - 1, map_->height());
+  while (row_ > end_row) {
+    --row_;
+    find_ways_down();
+  }
 }
 
 bool ConvexRegions::next(RegionTop& top) {
@@ -141,8 +164,7 @@ bool ConvexRegions::next(RegionTop& top) {
       top = tops_[next_top_++];
       if (dark_ ? may_be_convex<true>(top) : may_be_convex<false>(top)) return true;
     }
-    // What begins in the first row touches the border.
-    if (--row_ <= 0) return false;
+    if (--row_ < first_row_) return false;
     tops_.clear();
     next_top_ = 0;
     find_ways_down();
@@ -236,7 +258,7 @@ bool ConvexRegions::may_be_convex(RegionTop& top) {
   const int height = map_->height();
   row += top.y * stride;
   int left = top.x;
-  const auto* tall = reinterpret_cast<const std::uint8_t*>(tall_.origin()) + top.y * stride;
+  const auto* tall = reinterpret_cast<const std::uint8_t*>(whole_tall_->origin()) + top.y * stride;
   int right = far_rightmost<kDark>(row, left, left, width);
   if (left <= 0 || right >= width - 1) return false;
   Side left_side(-left);

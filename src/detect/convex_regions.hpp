@@ -36,6 +36,13 @@ class ConvexRegions {
   /// Gets ready for the dark or the bright regions of one level.
   void start(const Threshold& threshold, std::size_t level, bool dark, const RegionLimits& limits);
 
+  /// Likewise for those of `whole`, which has been started and stays where it is, that begin in
+  /// some rows: from first_row to before end_row. Other parts may be looked through at the same
+  /// time.
+  void start(const ConvexRegions& whole, int first_row, int end_row);
+
+  const RegionLimits& limits() const { return limits_; }
+
   /// The next region, from the bottom of the image upwards; false if there is no more.
   bool next(RegionTop& top);
 
@@ -44,6 +51,7 @@ class ConvexRegions {
     int left, right;
   };
   std::uint64_t* ways(int rows) { return ways_.data() + (rows - 1) * ways_stride_ + 1; }
+  void start_rows(int first_row, int end_row);
   void find_tall();
   void find_ways_down();
   void find_tops();
@@ -58,6 +66,7 @@ class ConvexRegions {
   RegionLimits limits_;
   bool dark_ = true;
   const DarkMap* known_ = nullptr;  // at the low level, the map in which all others are found
+  int first_row_ = 1;
   int row_ = 0;
   // Pixels of this row, and at first of the one below, from which a way within the region leads
   // down for at least 1, 2 ... ways_rows_ rows, one after the other; one word of padding on either
@@ -67,8 +76,9 @@ class ConvexRegions {
   int ways_rows_ = 1;
   std::vector<RegionTop> tops_;  // in this row
   std::size_t next_top_ = 0;
-  std::vector<Ends> ends_;  // of the region, row by row
-  DarkMap tall_;            // where this and the two pixels above are the region's
+  std::vector<Ends> ends_;               // of the region, row by row
+  DarkMap tall_;                         // where this and the two pixels above are the region's:
+  const DarkMap* whole_tall_ = nullptr;  // one's own, or that of the whole
 };
 
 }  // namespace harco::detect

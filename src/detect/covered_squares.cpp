@@ -30,10 +30,10 @@ Point in_whole(const Point& point) { return 2.0 * point + Point::Constant(0.5); 
 std::vector<SideQuad> CoveredSquares::find(const ImageView& image, double least_side_px,
                                            double contrast,
                                            const std::optional<Eigen::Matrix3d>& calibration,
-                                           DetectionTrace* trace) {
+                                           Workers& workers, DetectionTrace* trace) {
   if (image.width() < 2 || image.height() < 2) return {};
   halve(image, half_);
-  threshold_.measure(half_.view());
+  threshold_.measure(half_.view(), workers);
   segments_.clear();
   follower_.start(threshold_, Threshold::kMiddleLevel, kLeastOutline);
   while (const Contour* contour = follower_.next()) {

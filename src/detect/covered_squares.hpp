@@ -11,6 +11,7 @@
 #include "detect/segments.hpp"
 #include "detect/side_quads.hpp"
 #include "detect/threshold.hpp"
+#include "detect/workers.hpp"
 #include "harco/detect.hpp"
 #include "harco/image.hpp"
 
@@ -23,7 +24,7 @@ class CoveredSquares {
   /// The most promising ones, in pixels of the ideal camera. With a calibration, three sides do.
   /// `contrast` (grey levels) has to lie between both sides of what is taken for an edge.
   std::vector<SideQuad> find(const ImageView& image, double least_side_px, double contrast,
-                             const std::optional<Eigen::Matrix3d>& calibration,
+                             const std::optional<Eigen::Matrix3d>& calibration, Workers& workers,
                              DetectionTrace* trace = nullptr);
 
  private:

@@ -20,6 +20,7 @@
 #include "detect/relations.hpp"
 #include "detect/shapes.hpp"
 #include "detect/square_homography.hpp"
+#include "detect/workers.hpp"
 #include "harco/detect.hpp"
 #include "harco/geometry.hpp"
 
@@ -46,7 +47,7 @@ constexpr double kWrongRingShare = 0.1;
 // The smallest side of a partly covered marker, in pixels.
 constexpr double kLeastCoveredSide = 80.0;
 
-void check(const DetectorOptions& options) {
+const DetectorOptions& checked(const DetectorOptions& options) {
   if (!(options.min_side_px >= 4.0) || !std::isfinite(options.min_side_px))
     throw std::invalid_argument("min_side_px: must be at least 4 pixels");
   if (options.max_bit_errors < 0)
@@ -55,7 +56,11 @@ void check(const DetectorOptions& options) {
     throw std::invalid_argument("tentative_bit_errors: must not be negative");
   if (!(options.min_quality >= 0.0 && options.min_quality <= 1.0))
     throw std::invalid_argument("min_quality: must be 0 … 1");
+  if (!(options.threads >= 1 && options.threads <= DetectorOptions::kMostThreads))
+    throw std::invalid_argument("threads: must be 1 … " +
+                                std::to_string(DetectorOptions::kMostThreads));
   if (options.camera) validate(*options.camera);
+  return options;
 }
 
 /// In the order of the set; of a marker that is there twice, the upper one first.
@@ -75,6 +80,12 @@ struct Found {
   Detection detection;
   Standing standing;
   std::size_t candidate;  // index into the candidates of this frame
+};
+
+/// What one of those who work needs of its own.
+struct Scratch {
+  std::vector<Match> matches;
+  std::vector<Found> found;
 };
 
 }  // namespace
@@ -104,13 +115,17 @@ const char* to_string(Rejection rejection) {
 }
 
 struct Detector::Impl {
-  Impl(MarkerSet set, const DetectorOptions& chosen) : markers(std::move(set)), options(chosen) {
+  Impl(MarkerSet set, const DetectorOptions& chosen)
+      : markers(std::move(set)),
+        options(checked(chosen)),
+        workers(static_cast<std::size_t>(options.threads)) {
     validate(markers);
-    check(options);
     placed = place(markers);
     predicted = predicted_cells(markers);
     lens = detect::Lens(options.camera);
-    recovery.emplace(markers, placed, predicted);
+    scratch.resize(workers.count());
+    for (std::size_t i = 0; i < workers.count(); ++i)
+      recoveries.emplace_back(markers, placed, predicted);
     for (const bool children : {false, true})
       for (int n = Code::kMinCells; n <= Code::kMaxCells; ++n) {
         Codebook book(n, placed, children);
@@ -127,12 +142,14 @@ struct Detector::Impl {
               DetectionTrace* trace);
   void check_size(const ImageView& image) const;
   void find_shapes(const ImageView& image, DetectionTrace* trace);
-  void examine(const ImageView& image, const Shape& shape);
+  void examine_all(const ImageView& image);
+  void examine(const ImageView& image, const Shape& shape, std::size_t index, Scratch& own);
   double required_quality(int errors) const;
   Rejection identify(const ImageView& image, Candidate& candidate, const Codebook& book,
-                     const detect::FittedQuad& fitted, double blur_px);
+                     const detect::FittedQuad& fitted, double blur_px, std::size_t index,
+                     Scratch& own) const;
   void recover(const ImageView& image, DetectionTrace* trace);
-  void add_recovered(const detect::Recovered& recovered);
+  bool add_recovered(const detect::Recovered& recovered);
   void settle(std::vector<Detection>& detections);
   void infer(const ImageView& image, std::vector<Detection>& detections);
   bool confirm(const ImageView& image, const detect::PredictedQuad& quad, Detection& detection);
@@ -152,10 +169,11 @@ struct Detector::Impl {
   Eigen::Vector2d origin = Eigen::Vector2d::Zero();  // of the part of the image looked at
 
   // Scratch, kept from frame to frame.
+  detect::Workers workers;
+  std::vector<Scratch> scratch;  // of each of them
   detect::ShapeFinder shapes;
   std::vector<Candidate> candidates;
   std::vector<Found> found;
-  std::vector<Match> matches;
   std::vector<Found> kept;
   std::vector<Detection> inferred;
   std::vector<std::size_t> by_size;
@@ -163,11 +181,12 @@ struct Detector::Impl {
   bool explaining = false;  // somebody wants to know what was seen
   DetectorStatistics statistics;
   detect::CoveredSquares covered;
-  std::optional<detect::Recovery> recovery;
+  std::vector<detect::Recovery> recoveries;  // of each of those who work
 };
 
 void Detector::Impl::find_shapes(const ImageView& image, DetectionTrace* trace) {
-  shapes.find(image, {options.min_side_px, !child_books.empty(), !parent_books.empty()}, trace);
+  shapes.find(image, {options.min_side_px, !child_books.empty(), !parent_books.empty()}, workers,
+              trace);
   statistics.noise = shapes.threshold().noise();
   statistics.quads = shapes.count();
   statistics.budget_reached = shapes.shapes().size() < shapes.count();
@@ -185,10 +204,11 @@ double Detector::Impl::required_quality(int errors) const {
   return 1.0 - (1.0 - options.min_quality) * std::pow(0.4, errors);
 }
 
-/// Decodes a fitted quad against one book. On success the detection is added to `found`.
+/// Decodes a fitted quad against one book. On success the detection is added to what was found by
+/// one of those who work.
 Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
                                    const Codebook& book, const detect::FittedQuad& fitted,
-                                   double blur_px) {
+                                   double blur_px, std::size_t index, Scratch& own) const {
   const int n = book.cells();
   const int m = n + 2;
   const bool child = candidate.hole;
@@ -200,7 +220,7 @@ Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
   const Eigen::Matrix3d image_H_cells = detect::square_homography(fitted.corners) * unit_of_cells;
   const double cell_px = detect::shortest_side(fitted.corners) / (m - 2.0 * inset);
   const auto grid = detect::read_cells(image, lens, image_H_cells, n, cell_px, blur_px, child,
-                                       least_black[{child, n}]);
+                                       least_black.at({child, n}));
   char words[96];
   if (!grid) {
     note(candidate, "its cells are not all in the image");
@@ -222,15 +242,15 @@ Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
   const std::uint64_t bits = detect::read_bits(*grid, kWhiteLevel);
   const int sure = std::min(options.max_bit_errors, book.safe_errors());
   const int with_relatives = std::min(options.max_bit_errors + 1, book.safe_errors());
-  matches.clear();
-  book.find(bits, std::max(with_relatives, options.tentative_bit_errors), matches);
-  if (matches.empty()) {
+  own.matches.clear();
+  book.find(bits, std::max(with_relatives, options.tentative_bit_errors), own.matches);
+  if (own.matches.empty()) {
     if (explaining) candidate.note = "read " + to_string(Code{n, bits});
     return Rejection::code;
   }
   const Match* best = nullptr;
   double quality = -1.0;
-  for (const Match& match : matches) {
+  for (const Match& match : own.matches) {
     const double agreement =
         detect::agreement(*grid, predicted[static_cast<std::size_t>(match.placed)], match.turns);
     if (agreement > quality) {
@@ -271,12 +291,26 @@ Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
   const Standing standing = best->errors <= sure             ? Standing::sure
                             : best->errors <= with_relatives ? Standing::needs_relatives
                                                              : Standing::needs_memory;
-  found.push_back({detection, standing, candidates.size()});
+  own.found.push_back({detection, standing, index});
   return Rejection::none;
 }
 
-void Detector::Impl::examine(const ImageView& image, const Shape& shape) {
-  Candidate candidate;
+/// Every shape becomes a candidate, in their order.
+void Detector::Impl::examine_all(const ImageView& image) {
+  const std::vector<Shape>& all = shapes.shapes();
+  candidates.resize(all.size());
+  for (Scratch& own : scratch) own.found.clear();
+  workers.share(all.size(), [&](std::size_t index, std::size_t worker) {
+    examine(image, all[index], index, scratch[worker]);
+  });
+  found.clear();
+  for (const Scratch& own : scratch) found.insert(found.end(), own.found.begin(), own.found.end());
+}
+
+void Detector::Impl::examine(const ImageView& image, const Shape& shape, std::size_t index,
+                             Scratch& own) {
+  Candidate& candidate = candidates[index];
+  candidate = {};
   candidate.corners = shape.corners;
   candidate.hole = shape.hole;
   candidate.rejection = Rejection::shape;
@@ -304,13 +338,12 @@ void Detector::Impl::examine(const ImageView& image, const Shape& shape) {
         note(candidate, "smaller than the smallest side looked for");
         continue;
       }
-      candidate.rejection = identify(image, candidate, book, *fitted, kSharp);
+      candidate.rejection = identify(image, candidate, book, *fitted, kSharp, index, own);
       const bool small = detect::mean_side(fitted->corners) < kSmallCell * (book.cells() + 2);
       if (candidate.rejection != Rejection::none && small)
-        candidate.rejection = identify(image, candidate, book, *fitted, kSoft);
+        candidate.rejection = identify(image, candidate, book, *fitted, kSoft, index, own);
       if (candidate.rejection == Rejection::none) break;
     }
-  candidates.push_back(std::move(candidate));
 }
 
 /// What the fit of a marker's sides has to know.
@@ -364,7 +397,8 @@ void Detector::Impl::sharpen(const ImageView& image, Detection& detection) const
   set_corners(square, sharp->covariance, detection);
 }
 
-void Detector::Impl::add_recovered(const detect::Recovered& recovered) {
+/// False where the lens can't image it.
+bool Detector::Impl::add_recovered(const detect::Recovered& recovered) {
   const PlacedMarker& marker = placed[static_cast<std::size_t>(recovered.placed)];
   Detection detection;
   detection.parent = marker.id;
@@ -376,7 +410,7 @@ void Detector::Impl::add_recovered(const detect::Recovered& recovered) {
   detection.visible = recovered.evidence.share();
   if (!set_corners(detect::corners_of(recovered.registration.image_H_unit),
                    recovered.registration.corner_covariance, detection))
-    return;
+    return false;
   Candidate candidate;
   candidate.corners = detection.corners;
   candidate.placed = recovered.placed;
@@ -386,6 +420,7 @@ void Detector::Impl::add_recovered(const detect::Recovered& recovered) {
   note(candidate, words);
   found.push_back({detection, Standing::sure, candidates.size()});
   candidates.push_back(std::move(candidate));
+  return true;
 }
 
 /// Looks for layer-1 markers that were not found whole.
@@ -405,18 +440,30 @@ void Detector::Impl::recover(const ImageView& image, DetectionTrace* trace) {
   }
   const double least_side = std::max(kLeastCoveredSide, options.min_side_px);
   const double contrast = detect::contrast_above_noise(statistics.noise);
-  for (const detect::SideQuad& quad : covered.find(image, least_side, contrast, calibration, trace))
+  for (const detect::SideQuad& quad :
+       covered.find(image, least_side, contrast, calibration, workers, trace))
     quads.push_back(quad.corners);
+  std::erase_if(quads, [&](const Quad& quad) { return detect::mean_side(quad) < least_side; });
+
   std::vector<Quad> known;
-  for (const Quad& quad : quads) {
-    if (detect::mean_side(quad) < least_side) continue;
-    if (std::any_of(known.begin(), known.end(),
-                    [&](const Quad& one) { return detect::contains(one, detect::centre(quad)); }))
-      continue;
-    const auto recovered = recovery->at(image, lens, quad);
-    if (!recovered || recovered->quality < options.min_quality) continue;
-    add_recovered(*recovered);
-    known.push_back(candidates.back().corners);
+  const auto is_known = [&](const Quad& quad) {
+    return std::any_of(known.begin(), known.end(), [&](const Quad& one) {
+      return detect::contains(one, detect::centre(quad));
+    });
+  };
+  // Some at once; what lies within another one of them is left out afterwards.
+  std::vector<std::optional<detect::Recovered>> recovered(workers.parts());
+  for (std::size_t first = 0; first < quads.size(); first += recovered.size()) {
+    const std::size_t count = std::min(recovered.size(), quads.size() - first);
+    workers.share(count, [&](std::size_t i, std::size_t worker) {
+      recovered[i].reset();
+      if (!is_known(quads[first + i]))
+        recovered[i] = recoveries[worker].at(image, lens, quads[first + i]);
+    });
+    for (std::size_t i = 0; i < count; ++i)
+      if (recovered[i] && recovered[i]->quality >= options.min_quality &&
+          !is_known(quads[first + i]) && add_recovered(*recovered[i]))
+        known.push_back(candidates.back().corners);
   }
 }
 
@@ -481,7 +528,7 @@ bool Detector::Impl::confirm(const ImageView& image, const detect::PredictedQuad
   const bool child = marker.layer > 1;
   for (const double blur : {kSharp, kSoft}) {
     const auto grid = detect::read_cells(image, lens, image_H_cells, n, cell_px, blur, child,
-                                         least_black[{child, n}]);
+                                         least_black.at({child, n}));
     if (!grid || grid->contrast < detect::kMinContrast) continue;
     detection.quality = std::max(
         detection.quality,
@@ -567,17 +614,16 @@ void Detector::Impl::detect(const ImageView& image, std::vector<Detection>& dete
   detections.clear();
   explaining = trace != nullptr;
   if (trace) *trace = {};
-  candidates.clear();
-  found.clear();
   find_shapes(image, trace);
-  for (const Shape& shape : shapes.shapes()) examine(image, shape);
+  examine_all(image);
   const bool whole_parent = std::any_of(found.begin(), found.end(), [](const Found& one) {
     return one.detection.layer == 1 && one.standing == Standing::sure;
   });
   if (options.covered && !whole_parent) recover(image, trace);
   settle(detections);
-  for (Detection& detection : detections)
-    if (detection.visible == 1.0) sharpen(image, detection);
+  workers.share(detections.size(), [&](std::size_t i, std::size_t) {
+    if (detections[i].visible == 1.0) sharpen(image, detections[i]);
+  });
   if (options.infer) infer(image, detections);
   if (trace) trace->candidates = candidates;
 }

@@ -20,6 +20,16 @@ constexpr std::array<Pass, 3> kPasses{{{Threshold::kMiddleLevel, true, 0.0},
                                        {Threshold::kLineLevel, false, 0.0},
                                        {Threshold::kLowLevel, true, 28.0}}};
 
+double least_side(const Pass& pass, double min_side) { return std::max(min_side, pass.least_side); }
+
+RegionLimits outline_of(double side) {
+  RegionLimits outline;
+  outline.least_extent = static_cast<int>(0.5 * side);  // of a steep marker's bounding box
+  outline.least_length = static_cast<int>(2.8 * side);
+  outline.least_area = 0.25 * side * side;
+  return outline;
+}
+
 /// Corners of one shape at two thresholds are no farther apart than this, in pixels.
 double tolerance(const Shape& shape) { return 0.6 + 0.02 * mean_side(shape.corners); }
 
@@ -86,28 +96,61 @@ void ShapeFinder::Index::keep_largest(std::size_t most) {
   shapes_.resize(most);
 }
 
-void ShapeFinder::find(const ImageView& image, const ShapeLimits& limits, DetectionTrace* trace) {
+/// Into passes, and those into rows, from the bottom upwards.
+void ShapeFinder::divide(const ShapeLimits& limits, Workers& workers) {
+  const int height = threshold_.image().height();
+  const auto strips = static_cast<int>(workers.parts());
+  count_of_parts_ = 0;
+  parts_.resize(kPasses.size() * workers.parts());
+  for (std::size_t pass = 0; pass < kPasses.size(); ++pass) {
+    if (!(kPasses[pass].dark ? limits.islands : limits.holes)) continue;
+    for (int strip = strips; strip > 0; --strip) {
+      Part& part = parts_[count_of_parts_++];
+      part.pass = pass;
+      part.first_row = height * (strip - 1) / strips;
+      part.end_row = height * strip / strips;
+    }
+  }
+}
+
+void ShapeFinder::look_through(Part& part, Scratch& scratch, double min_side, bool tracing) const {
+  part.shapes.clear();
+  part.contours.clear();
+  const Pass& pass = kPasses[part.pass];
+  scratch.regions.start(passes_[part.pass], part.first_row, part.end_row);
+  scratch.follower.start(threshold_, pass.level);
+  for (RegionTop top{}; scratch.regions.next(top);) {
+    const Contour* contour = scratch.follower.around(top);
+    if (!contour || contour->area < scratch.regions.limits().least_area) continue;
+    if (tracing) part.contours.push_back(contour->points);
+    const auto quad = fit_quad(*contour);
+    if (quad && mean_side(*quad) >= 0.8 * least_side(pass, min_side))
+      part.shapes.push_back({*quad, contour->hole});
+  }
+}
+
+void ShapeFinder::find(const ImageView& image, const ShapeLimits& limits, Workers& workers,
+                       DetectionTrace* trace) {
   index_.clear(image.width(), image.height());
-  threshold_.measure(image);
+  threshold_.measure(image, workers);
   if (trace)
     for (std::size_t level = 0; level < Threshold::kLevels.size(); ++level)
       trace->binary.push_back(picture_of(threshold_.map(level)));
-  for (const Pass& pass : kPasses) {
-    if (!(pass.dark ? limits.islands : limits.holes)) continue;
-    const double side = std::max(limits.min_side, pass.least_side);
-    RegionLimits outline;
-    outline.least_extent = static_cast<int>(0.5 * side);  // of a steep marker's bounding box
-    outline.least_length = static_cast<int>(2.8 * side);
-    outline.least_area = 0.25 * side * side;
-    regions_.start(threshold_, pass.level, pass.dark, outline);
-    follower_.start(threshold_, pass.level);
-    for (RegionTop top{}; regions_.next(top);) {
-      const Contour* contour = follower_.around(top);
-      if (!contour || contour->area < outline.least_area) continue;
-      if (trace) trace->contours.push_back(contour->points);
-      const auto quad = fit_quad(*contour);
-      if (quad && mean_side(*quad) >= 0.8 * side) index_.add({*quad, contour->hole});
-    }
+  divide(limits, workers);
+  workers.share(kPasses.size(), [&](std::size_t pass, std::size_t) {
+    passes_[pass].start(threshold_, kPasses[pass].level, kPasses[pass].dark,
+                        outline_of(least_side(kPasses[pass], limits.min_side)));
+  });
+  scratch_.resize(workers.count());
+  workers.share(count_of_parts_, [&](std::size_t part, std::size_t worker) {
+    look_through(parts_[part], scratch_[worker], limits.min_side, trace != nullptr);
+  });
+  // In the order of a single thread.
+  for (std::size_t i = 0; i < count_of_parts_; ++i) {
+    for (const Shape& shape : parts_[i].shapes) index_.add(shape);
+    if (trace)
+      trace->contours.insert(trace->contours.end(), parts_[i].contours.begin(),
+                             parts_[i].contours.end());
   }
   count_ = index_.shapes().size();
   index_.keep_largest(most_shapes(image));

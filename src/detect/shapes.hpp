@@ -1,6 +1,7 @@
 // The first stages together: the quadrilaterals of a picture, dark or bright.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <vector>
 
@@ -8,6 +9,7 @@
 #include "detect/convex_regions.hpp"
 #include "detect/quad.hpp"
 #include "detect/threshold.hpp"
+#include "detect/workers.hpp"
 #include "harco/detect.hpp"
 #include "harco/image.hpp"
 
@@ -29,7 +31,8 @@ class ShapeFinder {
  public:
   /// The pixels have to stay where they are for as long as the threshold is used. Adds what it went
   /// through to `trace`, if there is one.
-  void find(const ImageView& image, const ShapeLimits& limits, DetectionTrace* trace = nullptr);
+  void find(const ImageView& image, const ShapeLimits& limits, Workers& workers,
+            DetectionTrace* trace = nullptr);
 
   /// Of the last picture. At most 300 and one for each 1000 pixels, the largest ones.
   const std::vector<Shape>& shapes() const { return index_.shapes(); }
@@ -57,9 +60,26 @@ class ShapeFinder {
     std::vector<Shape> shapes_;
   };
 
+  /// What one of those who work needs of its own.
+  struct Scratch {
+    ConvexRegions regions;
+    BorderFollower follower;
+  };
+  /// Some rows at one level, and what was found there.
+  struct Part {
+    std::size_t pass;
+    int first_row, end_row;
+    std::vector<Shape> shapes;
+    std::vector<std::vector<Point>> contours;  // for a trace
+  };
+  void divide(const ShapeLimits& limits, Workers& workers);
+  void look_through(Part& part, Scratch& scratch, double min_side, bool tracing) const;
+
   Threshold threshold_;
-  ConvexRegions regions_;
-  BorderFollower follower_;
+  std::array<ConvexRegions, Threshold::kLevels.size()> passes_;
+  std::vector<Scratch> scratch_;
+  std::vector<Part> parts_;
+  std::size_t count_of_parts_ = 0;  // in use
   Index index_;
   std::size_t count_ = 0;
 };

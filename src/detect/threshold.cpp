@@ -22,37 +22,54 @@ int contrast_above_noise(double noise) {
 }
 
 void Threshold::measure(const ImageView& image) {
+  Workers alone;
+  measure(image, alone);
+}
+
+void Threshold::measure(const ImageView& image, Workers& workers) {
   image_ = image;
   columns_ = (image.width() + kTile - 1) / kTile;
   bands_ = (image.height() + kTile - 1) / kTile;
   const auto columns = static_cast<std::size_t>(columns_);
-  for (auto& band : low_) band.assign(columns + 2, 255);
-  for (auto& band : high_) band.assign(columns + 2, 0);
+  scratch_.resize(workers.count());
+  for (Scratch& scratch : scratch_) {
+    for (auto& band : scratch.low) band.assign(columns + 2, 255);
+    for (auto& band : scratch.high) band.assign(columns + 2, 0);
+    scratch.thresholds.resize(columns * kTile);
+  }
   near_low_.resize(columns * static_cast<std::size_t>(bands_));
   near_high_.resize(near_low_.size());
-  thresholds_.resize(columns * kTile);
   for (DarkMap& map : maps_) map.resize(image.width(), image.height());
 
-  measure_noise();
+  measure_noise(scratch_[0]);
   min_contrast_ = contrast_above_noise(noise_);
-  // One band behind the other, while its pixels are still in the cache.
-  measure_band(0);
-  for (int band = 0; band < bands_; ++band) {
-    measure_band(band + 1);
-    find_dark(band);
-  }
+  const auto parts = static_cast<int>(workers.parts());
+  workers.share(workers.parts(), [&](std::size_t item, std::size_t worker) {
+    const auto part = static_cast<int>(item);
+    Scratch& scratch = scratch_[worker];
+    const int first = bands_ * part / parts;
+    const int end = bands_ * (part + 1) / parts;
+    if (first == end) return;
+    // One band behind the other, while its pixels are still in the cache.
+    if (first > 0) measure_band(first - 1, scratch);
+    measure_band(first, scratch);
+    for (int band = first; band < end; ++band) {
+      measure_band(band + 1, scratch);
+      find_dark(band, scratch);
+    }
+  });
 }
 
-void Threshold::measure_noise() {
+void Threshold::measure_noise(Scratch& scratch) {
   // Some thousands of tiles tell enough.
   constexpr int kEnough = 8192;
   const int every = std::max(1, columns_ * bands_ / kEnough);
   std::array<int, 256> histogram{};
   int count = 0;
   for (int band = every / 2; band < bands_; band += every) {
-    measure_band(band);
-    const std::vector<std::uint8_t>& low = low_[static_cast<std::size_t>(band % 4)];
-    const std::vector<std::uint8_t>& high = high_[static_cast<std::size_t>(band % 4)];
+    measure_band(band, scratch);
+    const std::vector<std::uint8_t>& low = scratch.low[static_cast<std::size_t>(band % 4)];
+    const std::vector<std::uint8_t>& high = scratch.high[static_cast<std::size_t>(band % 4)];
     for (std::size_t tile = 1; tile <= static_cast<std::size_t>(columns_); ++tile)
       if (low[tile] > 0 && high[tile] < 255) {  // not clipped
         ++histogram[static_cast<std::size_t>(high[tile] - low[tile])];
@@ -67,22 +84,22 @@ void Threshold::measure_noise() {
   noise_ = range / kLowerQuartile;
 }
 
-void Threshold::measure_band(int band) {
+void Threshold::measure_band(int band, Scratch& scratch) const {
   if (band >= bands_) return;
   const int y = band * kTile;
   const auto at = static_cast<std::size_t>(band % 4);
   kernels::tile_extremes(image_.row(y), image_.stride(), image_.width(),
-                         std::min(kTile, image_.height() - y), low_[at].data() + 1,
-                         high_[at].data() + 1);
+                         std::min(kTile, image_.height() - y), scratch.low[at].data() + 1,
+                         scratch.high[at].data() + 1);
 }
 
-void Threshold::find_dark(int band) {
+void Threshold::find_dark(int band, Scratch& scratch) {
   kernels::TileBands bands{};
   for (int i = 0; i < 3; ++i) {
     // The bands beyond the image are its outermost ones.
     const auto at = static_cast<std::size_t>(std::clamp(band + i - 1, 0, bands_ - 1) % 4);
-    bands.low[i] = low_[at].data();
-    bands.high[i] = high_[at].data();
+    bands.low[i] = scratch.low[at].data();
+    bands.high[i] = scratch.high[at].data();
   }
   const std::ptrdiff_t first = std::ptrdiff_t{band} * columns_;
   std::uint8_t* low = near_low_.data() + first;
@@ -90,10 +107,10 @@ void Threshold::find_dark(int band) {
   kernels::tile_extremes_nearby(bands, columns_, low, high);
   for (std::size_t level = 0; level < kLevels.size(); ++level) {
     kernels::tile_thresholds(low, high, columns_, kLevels[level].sixteenths, least_contrast(level),
-                             thresholds_.data());
+                             scratch.thresholds.data());
     const int end = std::min((band + 1) * kTile, image_.height());
     for (int y = band * kTile; y < end; ++y)
-      kernels::dark_bits(image_.row(y), thresholds_.data(), image_.width(),
+      kernels::dark_bits(image_.row(y), scratch.thresholds.data(), image_.width(),
                          reinterpret_cast<std::uint8_t*>(maps_[level].row(y)));
   }
 }

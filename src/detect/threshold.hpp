@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "detect/kernels/tile_extremes.hpp"
+#include "detect/workers.hpp"
 #include "harco/image.hpp"
 
 namespace harco::detect {
@@ -74,7 +75,8 @@ class Threshold {
 
   /// Reads the image, whose pixels have to stay where they are for as long as distances are asked
   /// for.
-  void measure(const ImageView& image);
+  void measure(const ImageView& image, Workers& workers);
+  void measure(const ImageView& image);  ///< alone
 
   /// Standard deviation of the noise in grey levels, from the ranges of the evenest quarter of
   /// tiles.
@@ -111,17 +113,21 @@ class Threshold {
   int least_contrast(std::size_t level) const {
     return std::max(kLevels[level].least_contrast, min_contrast_);
   }
-  void measure_noise();
-  void measure_band(int band);
-  void find_dark(int band);
+  /// What one of those who work needs of its own.
+  struct Scratch {
+    std::array<std::vector<std::uint8_t>, 4> low, high;  // of bands of tiles, in turn; padded
+    std::vector<std::uint8_t> thresholds;                // of a row of pixels
+  };
+  void measure_noise(Scratch& scratch);
+  void measure_band(int band, Scratch& scratch) const;
+  void find_dark(int band, Scratch& scratch);
 
   ImageView image_;
   int columns_ = 0, bands_ = 0;
   double noise_ = 0.0;
   int min_contrast_ = 0;
-  std::array<std::vector<std::uint8_t>, 4> low_, high_;  // of bands of tiles, in turn; padded
-  std::vector<std::uint8_t> near_low_, near_high_;       // of the 3 x 3 tiles around each tile
-  std::vector<std::uint8_t> thresholds_;                 // of a row of pixels
+  std::vector<Scratch> scratch_;
+  std::vector<std::uint8_t> near_low_, near_high_;  // of the 3 x 3 tiles around each tile
   std::array<DarkMap, kLevels.size()> maps_;
 };
 
