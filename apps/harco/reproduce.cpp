@@ -19,6 +19,7 @@
 
 #include "harco/error.hpp"
 #include "harco/version.hpp"
+#include "harco_build_commit.hpp"
 #include "interrupt.hpp"
 #include "lab/experiments/experiment.hpp"
 #include "lab/report/html.hpp"
@@ -96,7 +97,14 @@ struct Part {
         items(one->items(how_much)) {}
 
   ItemResult labelled(int item) const {
-    return {HARCO_VERSION, experiment->name(), lab::to_string(extent), settings, item, "", {}};
+    return {.version = HARCO_VERSION,
+            .experiment = experiment->name(),
+            .extent = lab::to_string(extent),
+            .settings = settings,
+            .item = item,
+            .machine = describe_machine(),
+            .commit = HARCO_BUILD_COMMIT,
+            .result = {}};
   }
 
   bool takes(const ItemResult& result) const {
@@ -145,7 +153,6 @@ std::string minutes(double seconds) {
 bool work(const std::vector<Task>& tasks, int jobs, ResultFile& file) {
   const InterruptGuard interrupt;
   ProgressBar bar("reproduce");
-  const std::string machine = describe_machine();
   const auto begin = std::chrono::steady_clock::now();
   std::atomic<std::size_t> next{0};
   std::mutex finishing;
@@ -154,7 +161,6 @@ bool work(const std::vector<Task>& tasks, int jobs, ResultFile& file) {
 
   const auto finish = [&](const Task& task, lab::Json result) {
     ItemResult line = task.part->labelled(task.item);
-    line.machine = machine;
     line.result = std::move(result);
     const std::lock_guard lock(finishing);
     file.append(line);
@@ -193,13 +199,14 @@ lab::Report report_on(const std::vector<Part>& parts, const std::string& command
       "Every figure below comes from pictures: drawn exact to the area that ink covers in a pixel, "
       "blurred, exposed with noise, and handed to the detectors as a camera would. The baseline is "
       "the paper's, ArUco as OpenCV has it, looking at its own markers from the same places.";
-  std::set<std::string> machines;
+  std::set<std::string> machines, commits;
   for (const Part& part : parts) {
     if (part.done.empty()) continue;
     std::vector<lab::Json> results;
     for (const auto& [item, line] : part.done) {
       results.push_back(line.result);
       machines.insert(line.machine);
+      commits.insert(line.commit.empty() ? "unknown" : line.commit);
     }
     std::string note = fmt::format("{} of {} items", part.done.size(), part.items);
     if (part.extent != Extent::full) note += ", in small (--quick)";
@@ -207,6 +214,7 @@ lab::Report report_on(const std::vector<Part>& parts, const std::string& command
                                part.experiment->summarise(part.extent, results)});
   }
   report.facts = {{"HArCo", HARCO_VERSION}, {"compiler", __VERSION__}, {"command", command}};
+  for (const std::string& commit : commits) report.facts.emplace_back("built from commit", commit);
   for (const std::string& machine : machines) report.facts.emplace_back("machine", machine);
   return report;
 }

@@ -25,8 +25,14 @@ ItemResult parse(const std::string& line) {
   const Json json = Json::parse(line);
   if (json.at("format") != kFormat || json.at("version") != kVersion)
     throw Error("is of another format or version");
-  return {json.at("harco"), json.at("experiment"), json.at("extent"), json.at("settings"),
-          json.at("item"),  json.at("machine"),    json.at("result")};
+  return {.version = json.at("harco"),
+          .experiment = json.at("experiment"),
+          .extent = json.at("extent"),
+          .settings = json.at("settings"),
+          .item = json.at("item"),
+          .machine = json.at("machine"),
+          .commit = json.value("commit", ""),
+          .result = json.at("result")};
 }
 
 std::string content_of(const fs::path& file) {
@@ -76,8 +82,8 @@ std::string format_result(const ItemResult& result) {
   const nlohmann::ordered_json json{{"format", kFormat},         {"version", kVersion},
                                     {"harco", result.version},   {"experiment", result.experiment},
                                     {"extent", result.extent},   {"item", result.item},
-                                    {"machine", result.machine}, {"settings", result.settings},
-                                    {"result", result.result}};
+                                    {"machine", result.machine}, {"commit", result.commit},
+                                    {"settings", result.settings}, {"result", result.result}};
   return json.dump();
 }
 

@@ -21,6 +21,7 @@ struct ItemResult {
   nlohmann::json settings;
   int item = 0;
   std::string machine;  ///< that did it
+  std::string commit;   ///< that was built; empty if unknown
   nlohmann::json result;
 };
 

@@ -73,7 +73,8 @@ Oscillation least_squares(const std::vector<SeriesSample>& samples, const Oscill
   }
 
   ceres::Solver::Options solving;
-  solving.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+  // A Cholesky factor of normal equations that are nearly singular fails, and Ceres prints so.
+  solving.linear_solver_type = ceres::DENSE_QR;
   solving.max_num_iterations = options.max_iterations;
   solving.function_tolerance = 1e-9;
   solving.num_threads = 1;
