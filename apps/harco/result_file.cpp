@@ -79,11 +79,12 @@ void trim(const fs::path& file) {
 
 std::string format_result(const ItemResult& result) {
   // Ordered: what a reader looks for first stands first.
-  const nlohmann::ordered_json json{{"format", kFormat},         {"version", kVersion},
-                                    {"harco", result.version},   {"experiment", result.experiment},
-                                    {"extent", result.extent},   {"item", result.item},
-                                    {"machine", result.machine}, {"commit", result.commit},
-                                    {"settings", result.settings}, {"result", result.result}};
+  const nlohmann::ordered_json json{
+      {"format", kFormat},           {"version", kVersion},
+      {"harco", result.version},     {"experiment", result.experiment},
+      {"extent", result.extent},     {"item", result.item},
+      {"machine", result.machine},   {"commit", result.commit},
+      {"settings", result.settings}, {"result", result.result}};
   return json.dump();
 }
 

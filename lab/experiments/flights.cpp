@@ -1,6 +1,7 @@
 #include "lab/experiments/flights.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 
@@ -8,11 +9,23 @@
 #include "lab/experiments/setup.hpp"
 
 namespace harco::lab {
+namespace {
+
+/// How far the height that the pilot believed was off, root mean square.
+double believed_error_m(const FlightLog& log) {
+  RootMeanSquare error;
+  for (const Moment& moment : log.moments)
+    if (std::isfinite(moment.believed_m)) error.add(moment.believed_m - moment.height_m);
+  return error.count() > 0 ? error.value() : 0.0;
+}
+
+}  // namespace
 
 Json to_json(const FlightLog& log, bool pictures, bool course) {
-  Json json{{"frames", log.frames},   {"lost_frames", log.lost_frames},
-            {"settled", log.settled}, {"gave_up", log.gave_up},
-            {"end_s", log.end_s},     {"normalised", log.normalised}};
+  Json json{{"frames", log.frames},         {"lost_frames", log.lost_frames},
+            {"settled", log.settled},       {"gave_up", log.gave_up},
+            {"end_s", log.end_s},           {"normalised", log.normalised},
+            {"position_m", log.position_m}, {"believed_error_m", believed_error_m(log)}};
   if (log.contact) {
     const Contact& contact = *log.contact;
     json["contact"] = {{"time_s", contact.time_s},

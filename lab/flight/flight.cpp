@@ -145,7 +145,7 @@ FlightLog fly(const FlightSetup& setup, const VisionSetup& vision, const Modelle
   double next_frame_s = 0.0;
   double next_moment_s = 0.0;
   std::size_t next_picture = 0;
-  double squares = 0.0;
+  double squares = 0.0, position_squares = 0.0;
   const Motion deck = [&world](double t) { return world.world_T_deck(t); };
 
   while (world.time_s() < setup.limit_s) {
@@ -166,6 +166,8 @@ FlightLog fly(const FlightSetup& setup, const VisionSetup& vision, const Modelle
       layers = sight.layers;
       if (sight.pose && sight.pose->covariance) {
         squares += normalised_error(sight);
+        position_squares +=
+            (sight.pose->camera_T_marker.translation() - sight.truth.translation()).squaredNorm();
         pending.push_back({now_s, reading, *sight.pose});
       } else {
         ++log.lost_frames;
@@ -224,6 +226,7 @@ FlightLog fly(const FlightSetup& setup, const VisionSetup& vision, const Modelle
   log.contact = world.contact();
   const int seen = log.frames - log.lost_frames;
   log.normalised = seen > 0 ? squares / seen : 0.0;
+  log.position_m = seen > 0 ? std::sqrt(position_squares / seen) : 0.0;
   if (log.contact) {
     const Isometry3d standing =
         world.world_T_deck(log.end_s).inverse() * world.state().world_T_body;

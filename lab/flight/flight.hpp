@@ -155,6 +155,7 @@ struct FlightLog {
   int frames = 0;           ///< pictures taken
   int lost_frames = 0;      ///< of them without a pose
   double normalised = 0.0;  ///< mean squared error of poses over their covariance, per dimension
+  double position_m = 0.0;  ///< root mean square error of the poses' positions
   std::vector<FlightPicture> pictures;
   double end_s = 0.0;
 };
