@@ -94,6 +94,12 @@ void place(lab::Scene& scene, Frame& frame, const MarkerSet& markers, int index,
   frame.markers.push_back(truth);
 }
 
+lab::Scene empty_scene(Size size) {
+  lab::Scene scene;
+  scene.camera = Camera::pinhole(size.width, size.height, kFocalWidths * size.width);
+  return scene;
+}
+
 }  // namespace
 
 const char* to_string(Content content) {
@@ -131,6 +137,7 @@ Frame make_frame(const MarkerSet& markers, Size size, Content content, std::uint
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> unit(0.0, 1.0);
   Frame frame;
+  if (content == Content::thirty) return make_grid(markers, size, kMarkers, seed);
   if (content == Content::noise) {
     frame.image = Image(size.width, size.height, 128);
     add_noise(frame.image, 40.0, random);
@@ -141,8 +148,7 @@ Frame make_frame(const MarkerSet& markers, Size size, Content content, std::uint
     add_noise(frame.image, 2.0, random);
     return frame;
   }
-  lab::Scene scene;
-  scene.camera = Camera::pinhole(size.width, size.height, kFocalWidths * size.width);
+  lab::Scene scene = empty_scene(size);
   Image background = mirrored(photograph(seed, content == Content::text), size, random);
   const bool night = content == Content::night;
   if (night) {
@@ -153,15 +159,7 @@ Frame make_frame(const MarkerSet& markers, Size size, Content content, std::uint
     scene.noise_sigma = 6.0;
   }
   scene.background = std::move(background);
-  if (content == Content::thirty) {
-    constexpr int kColumns = 6;
-    constexpr int kRows = 5;
-    const Eigen::Vector2d cell(size.width / double(kColumns), size.height / double(kRows));
-    for (int i = 0; i < kMarkers; ++i)
-      place(scene, frame, markers, i,
-            Eigen::Vector2d((i % kColumns + 0.5) * cell.x(), (i / kColumns + 0.5) * cell.y()),
-            (0.25 + 0.2 * unit(random)) * cell.minCoeff(), 0.8, random);
-  } else if (content == Content::one || night) {
+  if (content == Content::one || night) {
     const double side = (0.125 + 0.375 * unit(random)) * size.height;
     const double clear = 0.9 * side;
     place(scene, frame, markers, static_cast<int>(random() % kMarkers),
@@ -170,6 +168,25 @@ Frame make_frame(const MarkerSet& markers, Size size, Content content, std::uint
           side, 0.8, random);
   }
   frame.image = scene.parents.empty() ? *scene.background : lab::render(scene, markers, random());
+  return frame;
+}
+
+Frame make_grid(const MarkerSet& markers, Size size, int count, std::uint64_t seed) {
+  constexpr int kColumns = 6;
+  constexpr int kRows = 5;
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  Frame frame;
+  lab::Scene scene = empty_scene(size);
+  scene.background = mirrored(photograph(seed, false), size, random);
+  const Eigen::Vector2d cell(size.width / double(kColumns), size.height / double(kRows));
+  for (int i = 0; i < count; ++i) {
+    const int at = i * kMarkers / count;
+    place(scene, frame, markers, at,
+          Eigen::Vector2d((at % kColumns + 0.5) * cell.x(), (at / kColumns + 0.5) * cell.y()),
+          (0.25 + 0.2 * unit(random)) * cell.minCoeff(), 0.8, random);
+  }
+  frame.image = lab::render(scene, markers, random());
   return frame;
 }
 

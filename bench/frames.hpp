@@ -51,4 +51,7 @@ MarkerSet apriltag_set();
 /// opencv-doc; throws Error if they aren't there.
 Frame make_frame(const MarkerSet& markers, Size size, Content content, std::uint64_t seed);
 
+/// As Content::thirty, with `count` of the thirty, 0 … 30; all of a size, however many they are.
+Frame make_grid(const MarkerSet& markers, Size size, int count, std::uint64_t seed);
+
 }  // namespace harco::bench
