@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <sstream>
+#include <stdexcept>
 #include <string>
 #include <system_error>
 #include <tuple>
@@ -21,6 +22,7 @@
 #include "harco/detect.hpp"
 #include "harco/error.hpp"
 #include "harco/guided.hpp"
+#include "harco/merge.hpp"
 #include "harco/pose.hpp"
 #include "harco/track.hpp"
 #include "interrupt.hpp"
@@ -40,7 +42,7 @@ constexpr int kSomeFailed = 1;
 constexpr double kUsualFrameRate = 30.0;
 
 struct DetectOptions {
-  std::string markers_file;
+  std::vector<std::string> markers_files;
   std::string camera_file;
   std::vector<std::string> sources;
 
@@ -322,7 +324,7 @@ void refuse_clashes(const DetectOptions& options) {
     if (written && !first)
       throw Error(fmt::format("{}: is {} and {} as well", word, what, before->second));
   };
-  note(options.markers_file, "the markers' file", false);
+  for (const std::string& file : options.markers_files) note(file, "a markers' file", false);
   note(options.camera_file, "the camera file", false);
   for (const std::string& source : options.sources)
     note(source.rfind("pgm:", 0) == 0 ? source.substr(4) : source, "a source", false);
@@ -334,10 +336,21 @@ void refuse_clashes(const DetectOptions& options) {
   note(options.record_video, "the recorded video", true);
 }
 
+/// The markers of all files, for one pass.
+MarkerSet load_all(const std::vector<std::string>& files) {
+  std::vector<MarkerSet> sets;
+  for (const std::string& file : files) sets.push_back(load_markers(file));
+  try {
+    return merge(sets);
+  } catch (const std::invalid_argument& clash) {
+    throw Error(fmt::format("{}: {}", fmt::join(files, ", "), clash.what()));
+  }
+}
+
 void run(DetectOptions options) {
   refuse_clashes(options);
   if (!options.gravity.empty()) check_gravity(options.gravity);
-  const MarkerSet markers = load_markers(options.markers_file);
+  const MarkerSet markers = load_all(options.markers_files);
   std::optional<Camera> camera;
   if (!options.camera_file.empty()) camera = load_camera(options.camera_file);
   if (options.track && options.frame_rate == 0.0) options.frame_rate = kUsualFrameRate;
@@ -423,9 +436,12 @@ void add_detect(CLI::App& app) {
   verb->get_formatter()->column_width(34);
 
   verb->add_option("SOURCE", options->sources, wrapped(kSourcesHelp))->required();
-  verb->add_option("--markers", options->markers_file,
-                   wrapped("The markers to look for (markers.json)"))
+  verb->add_option(
+          "--markers", options->markers_files,
+          wrapped("The markers to look for (markers.json); once for each of several files, "
+                  "whose ids and codes have to differ"))
       ->required()
+      ->allow_extra_args(false)
       ->type_name("FILE");
   verb->add_option(
           "--camera", options->camera_file,

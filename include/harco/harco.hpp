@@ -13,6 +13,7 @@
 #include "harco/image.hpp"
 #include "harco/layout.hpp"
 #include "harco/marker.hpp"
+#include "harco/merge.hpp"
 #include "harco/mount.hpp"
 #include "harco/plan.hpp"
 #include "harco/pose.hpp"
