@@ -1,15 +1,13 @@
 // harco land as a whole program: a simulated vehicle at the other end of its link, a simulated
-// camera at the other end of its pipe. Frames go one by one, each after the answer to the one
-// before it, so nothing depends on how fast this machine is.
+// camera at the other end of its pipe.
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <csignal>
 #include <cstdio>
-#include <functional>
+#include <iterator>
+#include <optional>
 #include <sstream>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -17,15 +15,11 @@
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
-#include <poll.h>
 #include <sys/socket.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include "command.hpp"
-#include "harco/link.hpp"
-#include "harco/vehicle.hpp"
-#include "sim_copter.hpp"
+#include "land_rig.hpp"
 
 namespace harco::test {
 namespace {
@@ -33,175 +27,6 @@ namespace {
 using nlohmann::json;
 using namespace mavlink;  // NOLINT(google-build-using-namespace): messages are all over here
 using std::chrono::milliseconds;
-
-constexpr double kStandingHeight = 0.2;
-
-int free_port(int type) {
-  const int fd = socket(AF_INET, type, 0);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  bind(fd, reinterpret_cast<sockaddr*>(&address), sizeof address);
-  socklen_t size = sizeof address;
-  getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size);
-  close(fd);
-  return ntohs(address.sin_port);
-}
-
-/// harco, with a pipe to its standard input and one from its standard output.
-class Harco {
- public:
-  Harco(const std::vector<std::string>& arguments, const std::filesystem::path& errors) {
-    std::array<int, 2> in{}, out{};
-    if (pipe(in.data()) != 0 || pipe(out.data()) != 0) throw std::runtime_error("no pipes");
-    pid_ = fork();
-    if (pid_ == 0) {
-      dup2(in[0], STDIN_FILENO);
-      dup2(out[1], STDOUT_FILENO);
-      if (std::freopen(errors.c_str(), "w", stderr) == nullptr) _exit(125);
-      for (const int fd : {in[0], in[1], out[0], out[1]}) close(fd);
-      std::vector<char*> words{const_cast<char*>(HARCO_COMMAND)};
-      for (const std::string& word : arguments) words.push_back(const_cast<char*>(word.c_str()));
-      words.push_back(nullptr);
-      execv(HARCO_COMMAND, words.data());
-      _exit(126);
-    }
-    close(in[0]);
-    close(out[1]);
-    to_ = fdopen(in[1], "wb");
-    from_ = out[0];
-  }
-  ~Harco() {
-    if (pid_ > 0) kill(pid_, SIGKILL);
-    finish();
-    close(from_);
-  }
-  Harco(const Harco&) = delete;
-  Harco& operator=(const Harco&) = delete;
-
-  void show(const Image& image, double time_s) {
-    std::fprintf(to_, "P5\n# timestamp_s %.6f\n%d %d\n255\n", time_s, image.width, image.height);
-    std::fwrite(image.pixels.data(), 1, image.pixels.size(), to_);
-    std::fflush(to_);
-  }
-
-  /// The next line that has this member; null at the end, or when nothing comes for ten seconds.
-  json next(const std::string& member) {
-    for (;;) {
-      const std::size_t end = text_.find('\n');
-      if (end == std::string::npos) {
-        pollfd file{from_, POLLIN, 0};
-        std::array<char, 4096> bytes{};
-        const ssize_t size =
-            poll(&file, 1, 10000) == 1 ? read(from_, bytes.data(), bytes.size()) : 0;
-        if (size <= 0) return nullptr;
-        text_.append(bytes.data(), static_cast<std::size_t>(size));
-        continue;
-      }
-      json line = json::parse(text_.substr(0, end));
-      text_.erase(0, end + 1);
-      if (line.contains("deck")) deck_ = line["deck"];
-      if (line.contains(member)) return line;
-    }
-  }
-
-  /// The newest that was said of the deck; null if nothing was.
-  const json& deck() const { return deck_; }
-
-  bool running() const { return pid_ > 0 && waitpid(pid_, nullptr, WNOHANG) == 0; }
-
-  /// Ends its input and waits for it. Its exit status.
-  int finish() {
-    if (to_ != nullptr) std::fclose(to_);
-    to_ = nullptr;
-    if (pid_ <= 0) return status_;
-    std::array<char, 4096> rest{};
-    while (read(from_, rest.data(), rest.size()) > 0) {
-    }
-    int status = 0;
-    waitpid(pid_, &status, 0);
-    pid_ = -1;
-    return status_ = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  }
-
- private:
-  pid_t pid_ = -1;
-  int status_ = -1;
-  std::FILE* to_ = nullptr;
-  int from_ = -1;
-  std::string text_;  ///< read, but not looked at
-  json deck_;
-};
-
-/// The autopilot's end of the link.
-class Vehicle {
- public:
-  Vehicle(const std::string& link, std::uint8_t autopilot) : link_(link, options()) {
-    heartbeat_.type = 2;
-    heartbeat_.autopilot = autopilot;
-    heartbeat_.base_mode = 129;
-  }
-
-  Link& link() { return link_; }
-  void set_mode(std::uint32_t mode) { heartbeat_.custom_mode = mode; }
-  void set_time(double time_s) { time_s_ = time_s; }
-
-  void beat() { link_.send(heartbeat_); }
-
-  /// Hears what has come, and answers what is asked. At most for so long; ends with `enough`.
-  void work(milliseconds most, const std::function<bool()>& enough) {
-    const auto end = std::chrono::steady_clock::now() + most;
-    do {
-      std::vector<Received> received;
-      link_.wait(milliseconds(2), -1, received);
-      for (const Received& r : received) hear(r.message);
-    } while (!enough() && std::chrono::steady_clock::now() < end);
-  }
-
-  template <typename M>
-  std::vector<M> take() {
-    std::vector<M> taken;
-    for (const Message& message : heard_)
-      if (const auto* m = std::get_if<M>(&message)) taken.push_back(*m);
-    heard_.erase(std::remove_if(heard_.begin(), heard_.end(),
-                                [](const Message& m) { return std::holds_alternative<M>(m); }),
-                 heard_.end());
-    return taken;
-  }
-  template <typename M>
-  bool has() const {
-    return std::any_of(heard_.begin(), heard_.end(),
-                       [](const Message& m) { return std::holds_alternative<M>(m); });
-  }
-  bool was_told(const std::string& text) const {
-    return std::any_of(heard_.begin(), heard_.end(), [&](const Message& m) {
-      const auto* status = std::get_if<StatusText>(&m);
-      return status != nullptr && status->text.find(text) != std::string::npos;
-    });
-  }
-
- private:
-  static LinkOptions options() {
-    LinkOptions options;
-    options.from = {1, 1};
-    return options;
-  }
-
-  void hear(const Message& message) {
-    if (const auto* question = std::get_if<Timesync>(&message); question && question->tc1 == 0) {
-      Timesync answer = *question;
-      answer.tc1 = static_cast<std::int64_t>(1e9 * time_s_);
-      link_.send(answer);
-      return;
-    }
-    heard_.push_back(message);
-  }
-
-  Link link_;
-  Heartbeat heartbeat_;
-  double time_s_ = 1.0;
-  std::vector<Message> heard_;
-};
 
 class LandVerb : public ::testing::Test {
  protected:
@@ -255,96 +80,20 @@ class LandVerb : public ::testing::Test {
   Mount mount_;
 };
 
-/// How a flight is flown, and how it went.
-struct Flight {
-  Eigen::Vector2d deck_velocity = Eigen::Vector2d::Zero();  ///< NED, m/s
-  double frame_rate = 15.0;
-  double latency_s = 0.05;
-  double blocked_m = 6.0;   ///< below this height nothing is seen for two seconds
-  bool tells_pose = false;  ///< the vehicle says where it is
-
-  double off_m = 1e9;  ///< of the touchdown
-  int frames = 0, posed = 0, targets = 0, while_blocked = 0;
-  int lost = 0;  ///< how often the autopilot gave its target up
-};
-
-/// Attitude and position, as an autopilot sends them.
-void tell_pose(Vehicle& vehicle, const SimCopter::State& state) {
-  const auto ms = static_cast<std::uint32_t>(std::lround(1e3 * state.time_s));
-  AttitudeQuaternion attitude;
-  attitude.time_boot_ms = ms;
-  attitude.q1 = static_cast<float>(state.ned_R_body.w());
-  attitude.q2 = static_cast<float>(state.ned_R_body.x());
-  attitude.q3 = static_cast<float>(state.ned_R_body.y());
-  attitude.q4 = static_cast<float>(state.ned_R_body.z());
-  LocalPositionNed position;
-  position.time_boot_ms = ms;
-  position.x = static_cast<float>(state.position.x());
-  position.y = static_cast<float>(state.position.y());
-  position.z = static_cast<float>(state.position.z());
-  position.vx = static_cast<float>(state.velocity.x());
-  position.vy = static_cast<float>(state.velocity.y());
-  position.vz = static_cast<float>(state.velocity.z());
-  vehicle.link().send(attitude);
-  vehicle.link().send(position);
-}
-
-/// Flies until it is down, or for a minute.
-void fly(Flight& flight, SimCopter& copter, SimCamera& camera, Harco& harco, Vehicle& vehicle) {
-  const double dt = 1.0 / 300.0;
-  const auto steps = [&](double seconds) {
-    const bool had_target = copter.has_target();
-    for (int i = 0; i < std::lround(seconds / dt); ++i) {
-      copter.step(dt);
-      if (flight.tells_pose && i % 5 == 0) tell_pose(vehicle, copter.state());
-    }
-    if (had_target && !copter.has_target()) ++flight.lost;
-    vehicle.set_time(copter.state().time_s);
-  };
-  const auto deck = [&](double time_s) {
-    const Eigen::Vector2d moved = time_s * flight.deck_velocity;
-    return Eigen::Vector3d(moved.x(), moved.y(), 0.0);
-  };
-  std::optional<double> blocked_s;
-  while (copter.state().position.z() < -kStandingHeight && copter.state().time_s < 60.0) {
-    const SimCopter::State seen = copter.state();
-    copter.wind = {0.1 * std::sin(0.7 * seen.time_s), 0.25, 0.0};
-    if (seen.position.z() > -flight.blocked_m && !blocked_s) blocked_s = seen.time_s;
-    const bool blocked = blocked_s && seen.time_s < *blocked_s + 2.0;
-    const Eigen::Isometry3d ned_T_pad(Eigen::Translation3d(deck(seen.time_s)));
-    const Image image = blocked ? camera.shoot_nothing() : camera.shoot(seen, ned_T_pad);
-    steps(flight.latency_s);
-    if (flight.frames++ % 10 == 0) vehicle.beat();
-    vehicle.work(milliseconds(0), [] { return true; });
-    harco.show(image, seen.time_s);
-    const json answer = harco.next("poses");
-    ASSERT_FALSE(answer.is_null());
-    flight.posed += answer["poses"].empty() ? 0 : 1;
-    if (!answer["target"]["news"].empty())
-      vehicle.work(milliseconds(1000), [&] { return vehicle.has<LandingTarget>(); });
-    for (const LandingTarget& target : vehicle.take<LandingTarget>()) {
-      EXPECT_EQ(target.position_valid, 1);
-      EXPECT_EQ(target.frame, value::kFrameBodyFrd);
-      copter.hear(target);
-      ++flight.targets;
-      if (blocked) ++flight.while_blocked;
-    }
-    steps(1.0 / flight.frame_rate - flight.latency_s);
-  }
-  const SimCopter::State& at = copter.state();
-  if (at.position.z() > -kStandingHeight - 1e-9)
-    flight.off_m = (at.position - deck(at.time_s)).head<2>().norm();
-}
-
 TEST_F(LandVerb, LandsOnThePadThroughLatencyNoiseAndABlockedView) {
   const std::string place = "127.0.0.1:" + std::to_string(free_port(SOCK_DGRAM));
   Vehicle vehicle("udpin:" + place, value::kAutopilotArduPilot);
-  Harco harco(arguments({"--connect", "udpout:" + place}), folder_ / "errors");
+  Harco harco(HARCO_COMMAND,
+              arguments({"--connect", "udpout:" + place, "--frame-clock", "autopilot"}),
+              folder_ / "errors");
   SimCopter::Parameters parameters;
   parameters.land_speed_mps = 0.8;
   SimCopter copter({3.0 * 0.8, 3.0 * 0.6, -12.0}, 0.7, parameters);
   SimCamera camera(pad_, camera_, mount_);
+  vehicle.work(milliseconds(5000), [&] { return vehicle.has<Heartbeat>(); });
+  vehicle.beat();
   Flight flight;
+  flight.tells_pose = true;
   fly(flight, copter, camera, harco, vehicle);
   RecordProperty("off_m", std::to_string(flight.off_m));
   EXPECT_LT(flight.off_m, 0.05);
@@ -356,13 +105,13 @@ TEST_F(LandVerb, LandsOnThePadThroughLatencyNoiseAndABlockedView) {
 }
 
 /// A ship's deck goes on under the vehicle. Two seconds without a view are as long as ArduCopter
-/// waits: with --coast it isn't left alone.
+/// waits, so it is told where the deck must be.
 TEST_F(LandVerb, LandsOnADeckThatMovesOn) {
   const std::string place = "127.0.0.1:" + std::to_string(free_port(SOCK_DGRAM));
   Vehicle vehicle("udpin:" + place, value::kAutopilotArduPilot);
-  Harco harco(
-      arguments({"--connect", "udpout:" + place, "--frame-clock", "autopilot", "--coast", "2.5"}),
-      folder_ / "errors");
+  Harco harco(HARCO_COMMAND,
+              arguments({"--connect", "udpout:" + place, "--frame-clock", "autopilot"}),
+              folder_ / "errors");
   SimCopter::Parameters parameters;
   parameters.moving_target = true;
   parameters.land_speed_mps = 0.8;
@@ -385,7 +134,7 @@ TEST_F(LandVerb, LandsOnADeckThatMovesOn) {
 TEST_F(LandVerb, NothingStaleIsSentWhenFramesStop) {
   const std::string place = "127.0.0.1:" + std::to_string(free_port(SOCK_DGRAM));
   Vehicle vehicle("udpin:" + place, value::kAutopilotArduPilot);
-  Harco harco(arguments({"--connect", "udpout:" + place}), folder_ / "errors");
+  Harco harco(HARCO_COMMAND, arguments({"--connect", "udpout:" + place}), folder_ / "errors");
   const SimCopter copter({0.2, -0.3, -5.0}, 0.0, {});
   SimCamera camera(pad_, camera_, mount_);
   for (int i = 0; i < 8; ++i) {
@@ -408,7 +157,7 @@ TEST_F(LandVerb, NothingStaleIsSentWhenFramesStop) {
 
 TEST_F(LandVerb, AKilledLinkComesBackWithoutOldNews) {
   const int port = free_port(SOCK_STREAM);
-  Harco harco(arguments({"--connect", "tcp:127.0.0.1:" + std::to_string(port)}),
+  Harco harco(HARCO_COMMAND, arguments({"--connect", "tcp:127.0.0.1:" + std::to_string(port)}),
               folder_ / "errors");
   SimCopter copter({0.0, 0.0, -5.0}, 0.0, {});
   SimCamera camera(pad_, camera_, mount_);
@@ -464,7 +213,8 @@ TEST_F(LandVerb, AKilledLinkComesBackWithoutOldNews) {
 TEST_F(LandVerb, Px4IsToldThePlaceInItsOwnFrame) {
   const std::string place = "127.0.0.1:" + std::to_string(free_port(SOCK_DGRAM));
   Vehicle vehicle("udpin:" + place, value::kAutopilotPx4);
-  Harco harco(arguments({"--connect", "udpout:" + place, "--autopilot", "px4", "--frame-clock",
+  Harco harco(HARCO_COMMAND,
+              arguments({"--connect", "udpout:" + place, "--autopilot", "px4", "--frame-clock",
                          "autopilot", "--max-age", "5", "--target-relative"}),
               folder_ / "errors");
   SimCamera camera(pad_, camera_, mount_);
@@ -533,7 +283,8 @@ TEST_F(LandVerb, OrdersTheLandingSoThatTheDeckIsLevelOnContact) {
   save_camera(camera_, folder_ / "camera.yaml");
   const std::string place = "127.0.0.1:" + std::to_string(free_port(SOCK_DGRAM));
   Vehicle vehicle("udpin:" + place, value::kAutopilotArduPilot);
-  Harco harco(arguments({"--connect", "udpout:" + place, "--frame-clock", "autopilot", "--deck",
+  Harco harco(HARCO_COMMAND,
+              arguments({"--connect", "udpout:" + place, "--frame-clock", "autopilot", "--deck",
                          "--command", "--level", "3", "--land-speed", "0.5"}),
               folder_ / "errors");
   SimCamera camera(pad_, camera_, mount_);
@@ -590,7 +341,7 @@ TEST_F(LandVerb, ARecordedFlightIsPlayedAgain) {
   std::vector<std::string> recording =
       arguments({"--dry-run", "--target-relative", "--target", "0.5,0.7"});
   *std::next(std::find(recording.begin(), recording.end(), "--record")) = record;
-  Harco harco(recording, folder_ / "errors");
+  Harco harco(HARCO_COMMAND, recording, folder_ / "errors");
   SimCopter copter({0.4, 0.3, -3.0}, 0.3, {});
   SimCamera camera(pad_, camera_, mount_);
   for (int i = 0; i < 20; ++i) {
@@ -640,7 +391,7 @@ TEST_F(LandVerb, ARecordedFlightIsPlayedAgain) {
 TEST_F(LandVerb, DryRunPrintsWhatItWouldSend) {
   std::vector<std::string> dry = arguments({"--dry-run", "--angles-only"});
   dry.erase(std::find(dry.begin(), dry.end(), "--record"), dry.end() - 2);
-  Harco harco(dry, folder_ / "errors");
+  Harco harco(HARCO_COMMAND, dry, folder_ / "errors");
   const SimCopter copter({-0.5, 0.25, -4.0}, 0.0, {});
   SimCamera camera(pad_, camera_, mount_);
   for (int i = 0; i < 6; ++i) harco.show(camera.shoot(copter.state()), i / 30.0);
@@ -680,7 +431,7 @@ TEST_F(LandVerb, SaysInOneLineWhatIsWrong) {
   expect(run("", "", "--dry-run --parent 7"), "no layer-1 marker 7");
   expect(run("", "", "--dry-run"), "has no frames");
   expect(run("", "", "--connect udpout:127.0.0.1:14550 --sign /nonexistent"), "/nonexistent");
-  Harco harco(arguments({"--dry-run"}), folder_ / "errors");
+  Harco harco(HARCO_COMMAND, arguments({"--dry-run"}), folder_ / "errors");
   harco.show(Image(64, 48, 100), 0.0);
   EXPECT_EQ(harco.finish(), 2);
   EXPECT_NE(errors().find("is 64 x 48 pixels, but the camera"), std::string::npos) << errors();

@@ -52,7 +52,7 @@ struct LandOptions {
   std::string stamps = "auto";
   double latency_ms = 0.0;
   double max_age_s = 0.5;
-  double coast_s = 0.0;
+  double coast_s = 2.5;
   int threads = 1;
 
   bool deck = false;
@@ -448,8 +448,8 @@ void add_land(CLI::App& app) {
       ->group(time);
   verb->add_option(
           "--coast", options->coast_s,
-          "While frames come but don't show the pad,\ntell where it must be by now, for so "
-          "long;\n0: never. Needs the vehicle's position")
+          "While frames come that don't show a pad that\nmoves, tell for so long where it must "
+          "be by\nnow; 0: never")
       ->check(CLI::Range(0.0, 3.0))
       ->type_name("S")
       ->capture_default_str()

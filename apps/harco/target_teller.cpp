@@ -13,6 +13,8 @@ using Json = nlohmann::ordered_json;
 
 /// A pad over the ground changes its velocity slowly: it lies still, or on a ship.
 constexpr double kPadAcceleration = 0.2;  // m/s² per √Hz
+/// It counts as moving above this speed, m/s, if that is so many standard deviations.
+constexpr double kMoves = 0.3, kMovesSurely = 3.0;
 /// A time that is so much earlier than the one before it begins a new sequence, seconds.
 constexpr double kBack = 1.0;
 
@@ -25,6 +27,13 @@ FilterOptions over_the_ground() {
 
 double turn_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   return Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle();
+}
+
+/// Whether a pad whose state is known in the camera's axes moves over the ground.
+bool moves(const TrackState& state) {
+  const double speed = state.velocity.norm();
+  const double sd = std::sqrt(state.covariance.block<3, 3>(6, 6).trace());
+  return speed > kMoves && speed > kMovesSurely * sd;
 }
 
 /// Where the camera is over the ground, if the vehicle knows where it is.
@@ -75,6 +84,7 @@ Target TargetTeller::take(const TargetFrame& frame) {
   if (frame.time_s < last_time_s_ - kBack) {
     seen_ = PoseFilter();
     placed_ = PoseFilter(over_the_ground());
+    moves_ = false;
   }
   last_time_s_ = frame.time_s;
   Target target;
@@ -108,17 +118,20 @@ void TargetTeller::measure(const TargetFrame& frame, Target& target) {
     std::swap(pose.camera_T_marker, *pose.alternative);
   target.sighting = sighting_of(pose, frame);
   if (const CameraPose ned_T_camera = camera_over_ground(frame.vehicle, options_.mount);
-      ned_T_camera && target.believed)
+      ned_T_camera && target.believed) {
     placed_.add(pose, frame.time_s, ned_T_camera);
+    const auto placed = placed_.at(frame.time_s, ned_T_camera);
+    moves_ = placed && placed->status == TrackStatus::tracking && moves(*placed);
+  }
 }
 
-/// The pad goes on over the ground as it did.
+/// A pad that moves goes on over the ground as it did. One that lies still needn't be foretold: an
+/// autopilot that doesn't hear of it stays over it.
 void TargetTeller::foretell(const TargetFrame& frame, Target& target) const {
   const CameraPose ned_T_camera = camera_over_ground(frame.vehicle, options_.mount);
-  if (!ned_T_camera || seen_.status(frame.time_s) == TrackStatus::searching) return;
+  if (!ned_T_camera || !moves_) return;
   const auto state = placed_.at(frame.time_s, ned_T_camera);
-  if (!state || state->status == TrackStatus::searching) return;
-  if (frame.time_s - state->measured_s > options_.coast_s) return;
+  if (!state || frame.time_s - state->measured_s > options_.coast_s) return;
   Pose pose;
   pose.parent = options_.parent;
   pose.camera_T_marker = state->camera_T_marker;

@@ -26,9 +26,9 @@ struct TargetOptions {
   Autopilot autopilot = Autopilot::ardupilot;
   bool angles_only = false;  ///< directions instead of positions
   bool relative = false;     ///< TARGET_RELATIVE, too
-  /// While frames come but don't show the pad, its place is foretold for so many seconds after it
-  /// was seen last. 0: never.
-  double coast_s = 0.0;
+  /// A pad that moves is foretold while frames come that don't show it, for so many seconds after
+  /// it was seen last: an autopilot that stops would lose it. 0: never.
+  double coast_s = 2.5;
 };
 
 /// For records, and back.
@@ -71,6 +71,7 @@ class TargetTeller {
   TargetOptions options_;
   PoseFilter seen_;    ///< from the camera, of which nothing need be known: what to believe
   PoseFilter placed_;  ///< over the ground: where it will be
+  bool moves_ = false;
   double last_time_s_ = -1e18;
   std::uint64_t last_usec_ = 0;
 };
