@@ -38,23 +38,25 @@ Flight fly_once(const Options& options, const MarkerSet& pad, const fs::path& fo
   save_camera(camera, folder / "camera.yaml");
   const std::string place = "127.0.0.1:" + std::to_string(free_port(SOCK_DGRAM));
   Vehicle autopilot("udpin:" + place, mavlink::value::kAutopilotArduPilot);
-  std::vector<std::string> arguments{"land",
-                                     "--source",
-                                     "pgm:-",
-                                     "--markers",
-                                     options.markers,
-                                     "--camera",
-                                     (folder / "camera.yaml").string(),
-                                     "--connect",
-                                     "udpout:" + place,
-                                     "--frame-clock",
-                                     "autopilot",
-                                     "--rate",
-                                     "0",
-                                     "--record",
-                                     "-",
-                                     "--coast",
-                                     std::to_string(options.coast_s)};
+  const std::vector<std::string> arguments{"land",
+                                           "--source",
+                                           "pgm:-",
+                                           "--markers",
+                                           options.markers,
+                                           "--camera",
+                                           (folder / "camera.yaml").string(),
+                                           "--connect",
+                                           "udpout:" + place,
+                                           "--frame-clock",
+                                           "autopilot",
+                                           "--max-age",
+                                           "5",
+                                           "--rate",
+                                           "0",
+                                           "--record",
+                                           "-",
+                                           "--coast",
+                                           std::to_string(options.coast_s)};
   Harco harco(options.command, arguments, folder / "errors");
   autopilot.work(std::chrono::seconds(5), [&] { return autopilot.has<mavlink::Heartbeat>(); });
   autopilot.beat();

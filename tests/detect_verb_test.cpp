@@ -418,6 +418,9 @@ TEST_F(DetectVerb, TracksHaveVelocityAndCovariance) {
     EXPECT_NEAR(track["translation"][i], pose(0).translation()(static_cast<int>(i)), 0.02);
     EXPECT_NEAR(track["velocity"][i], 0.0, 0.1);
   }
+  // A tenth of a second without it is too long here.
+  const CommandResult lost = detect("--track --coast 0.05 --frame-rate 10 " + moving);
+  EXPECT_TRUE(json_lines(lost.output)[6]["tracks"].empty());
   // The paper's filter, chosen for the joint poses.
   const CommandResult paper = detect("--track --filter low-pass " + moving);
   EXPECT_FALSE(json_lines(paper.output)[5].contains("tracks"));

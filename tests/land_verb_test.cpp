@@ -83,9 +83,10 @@ class LandVerb : public ::testing::Test {
 TEST_F(LandVerb, LandsOnThePadThroughLatencyNoiseAndABlockedView) {
   const std::string place = "127.0.0.1:" + std::to_string(free_port(SOCK_DGRAM));
   Vehicle vehicle("udpin:" + place, value::kAutopilotArduPilot);
-  Harco harco(HARCO_COMMAND,
-              arguments({"--connect", "udpout:" + place, "--frame-clock", "autopilot"}),
-              folder_ / "errors");
+  Harco harco(
+      HARCO_COMMAND,
+      arguments({"--connect", "udpout:" + place, "--frame-clock", "autopilot", "--max-age", "5"}),
+      folder_ / "errors");
   SimCopter::Parameters parameters;
   parameters.land_speed_mps = 0.8;
   SimCopter copter({3.0 * 0.8, 3.0 * 0.6, -12.0}, 0.7, parameters);
@@ -109,9 +110,10 @@ TEST_F(LandVerb, LandsOnThePadThroughLatencyNoiseAndABlockedView) {
 TEST_F(LandVerb, LandsOnADeckThatMovesOn) {
   const std::string place = "127.0.0.1:" + std::to_string(free_port(SOCK_DGRAM));
   Vehicle vehicle("udpin:" + place, value::kAutopilotArduPilot);
-  Harco harco(HARCO_COMMAND,
-              arguments({"--connect", "udpout:" + place, "--frame-clock", "autopilot"}),
-              folder_ / "errors");
+  Harco harco(
+      HARCO_COMMAND,
+      arguments({"--connect", "udpout:" + place, "--frame-clock", "autopilot", "--max-age", "5"}),
+      folder_ / "errors");
   SimCopter::Parameters parameters;
   parameters.moving_target = true;
   parameters.land_speed_mps = 0.8;
@@ -284,8 +286,8 @@ TEST_F(LandVerb, OrdersTheLandingSoThatTheDeckIsLevelOnContact) {
   const std::string place = "127.0.0.1:" + std::to_string(free_port(SOCK_DGRAM));
   Vehicle vehicle("udpin:" + place, value::kAutopilotArduPilot);
   Harco harco(HARCO_COMMAND,
-              arguments({"--connect", "udpout:" + place, "--frame-clock", "autopilot", "--deck",
-                         "--command", "--level", "3", "--land-speed", "0.5"}),
+              arguments({"--connect", "udpout:" + place, "--frame-clock", "autopilot", "--max-age",
+                         "5", "--deck", "--command", "--level", "3", "--land-speed", "0.5"}),
               folder_ / "errors");
   SimCamera camera(pad_, camera_, mount_);
   vehicle.work(milliseconds(5000), [&] { return vehicle.has<Heartbeat>(); });

@@ -62,6 +62,7 @@ struct DetectOptions {
   std::string filter;                          ///< "" goes by the fusion
   double time_constant_s = 0.1;
   std::optional<double> swell_s;
+  double coast_s = FilterOptions().coast_s;
   std::string record;
   std::string record_video;
   double frame_rate = 0.0;
@@ -77,6 +78,7 @@ std::optional<TrackingOptions> tracking_of(const DetectOptions& options) {
       options.filter.empty() ? options.fusion == "paper" : options.filter == "low-pass";
   if (paper) tracking.kind = FilterKind::low_pass;
   tracking.time_constant_s = options.time_constant_s;
+  tracking.filter.coast_s = options.coast_s;
   if (options.swell_s) {
     tracking.filter.swell.emplace();
     tracking.filter.swell->period_s = *options.swell_s;
@@ -574,6 +576,14 @@ void add_detect(CLI::App& app) {
                            "period, in seconds; 0 finds it"))
       ->check(within(0.0, 1e3))
       ->type_name("S")
+      ->group(time);
+  verb->add_option(
+          "--coast", options->coast_s,
+          wrapped("With --track: a marker that isn't seen is foretold for so many seconds, "
+                  "ever less surely; then its track is lost"))
+      ->check(within(1e-3, 1e3))
+      ->type_name("S")
+      ->capture_default_str()
       ->group(time);
   verb->add_option(
           "--frame-rate", options->frame_rate,

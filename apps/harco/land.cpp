@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -35,6 +36,9 @@ namespace harco::cli {
 namespace {
 
 constexpr double kDegree = 0.017453292519943295;
+/// Where corners alone tell the pad's place so well, standard deviation in metres, its picture
+/// isn't aligned: close by, where it would take long.
+constexpr double kWellEnough = 0.005;
 
 struct LandOptions {
   std::string source, markers_file, camera_file, mount_file;
@@ -53,7 +57,7 @@ struct LandOptions {
   double latency_ms = 0.0;
   double max_age_s = 0.5;
   double coast_s = 2.5;
-  int threads = 1;
+  int threads = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, 2U));
 
   bool deck = false;
   bool command = false;
@@ -218,8 +222,7 @@ class Lander {
     const double start_s = monotonic_s();
     result.detections = detector_.detect(image, teller_.tracks(frame.timestamp_s));
     const double detected_s = monotonic_s();
-    result.poses =
-        estimate_poses(image, result.detections, markers_, camera_, pose_options(seen.vehicle));
+    result.poses = poses(image, result.detections, pose_options(seen.vehicle));
     const double posed_s = monotonic_s();
     const Target& target = seen.target.emplace(
         teller_.take({frame.timestamp_s, captured_s, seen.vehicle, result.poses}));
@@ -250,6 +253,20 @@ class Lander {
     gravity.sigma_rad = options_.deck ? 0.2 : 0.1;
     options.gravity = gravity;
     return options;
+  }
+
+  std::vector<Pose> poses(const ImageView& image, const std::vector<Detection>& detections,
+                          PoseOptions options) const {
+    options.align = false;
+    std::vector<Pose> poses = estimate_poses(image, detections, markers_, camera_, options);
+    const bool enough = std::any_of(poses.begin(), poses.end(), [&](const Pose& pose) {
+      if (pose.parent != target_.parent || !pose.covariance || pose.alternative) return false;
+      const Sighting sighting = sight(pose, mount_, target_.point, target_.side_m, 0.0);
+      return sighting.position_covariance->trace() < kWellEnough * kWellEnough;
+    });
+    if (enough || poses.empty()) return poses;
+    options.align = true;
+    return estimate_poses(image, detections, markers_, camera_, options);
   }
 
   TargetView view_of(const FrameRecord& seen) const {
