@@ -13,12 +13,14 @@ using Json = nlohmann::ordered_json;
 
 /// A pad over the ground changes its velocity slowly: it lies still, or on a ship.
 constexpr double kPadAcceleration = 0.2;  // m/s² per √Hz
+/// Over the ground it is known as well as the vehicle's attitude and place at the image's time.
+constexpr double kAttitudeSd = 0.01, kPlaceSd = 0.02;  // rad, m
 /// It counts as moving above this speed, m/s, if that is so many standard deviations.
 constexpr double kMoves = 0.3, kMovesSurely = 3.0;
 /// A time that is so much earlier than the one before it begins a new sequence, seconds.
 constexpr double kBack = 1.0;
 
-FilterOptions over_the_ground() {
+FilterOptions ground_options() {
   FilterOptions options;
   options.camera_known = true;
   options.acceleration = kPadAcceleration;
@@ -34,6 +36,15 @@ bool moves(const TrackState& state) {
   const double speed = state.velocity.norm();
   const double sd = std::sqrt(state.covariance.block<3, 3>(6, 6).trace());
   return speed > kMoves && speed > kMovesSurely * sd;
+}
+
+/// A pose as well as it is known over the ground.
+Pose over_the_ground(Pose pose) {
+  const double sd = kAttitudeSd * pose.camera_T_marker.translation().norm() + kPlaceSd;
+  pose.covariance->topLeftCorner<3, 3>() += sd * sd * Eigen::Matrix3d::Identity();
+  pose.covariance->bottomRightCorner<3, 3>() +=
+      kAttitudeSd * kAttitudeSd * Eigen::Matrix3d::Identity();
+  return pose;
 }
 
 /// Where the camera is over the ground, if the vehicle knows where it is.
@@ -78,12 +89,12 @@ TargetOptions target_options_from_json(const Json& json) {
 }
 
 TargetTeller::TargetTeller(const TargetOptions& options)
-    : options_(options), placed_(over_the_ground()) {}
+    : options_(options), placed_(ground_options()) {}
 
 Target TargetTeller::take(const TargetFrame& frame) {
   if (frame.time_s < last_time_s_ - kBack) {
     seen_ = PoseFilter();
-    placed_ = PoseFilter(over_the_ground());
+    placed_ = PoseFilter(ground_options());
     moves_ = false;
   }
   last_time_s_ = frame.time_s;
@@ -119,7 +130,7 @@ void TargetTeller::measure(const TargetFrame& frame, Target& target) {
   target.sighting = sighting_of(pose, frame);
   if (const CameraPose ned_T_camera = camera_over_ground(frame.vehicle, options_.mount);
       ned_T_camera && target.believed) {
-    placed_.add(pose, frame.time_s, ned_T_camera);
+    placed_.add(over_the_ground(pose), frame.time_s, ned_T_camera);
     const auto placed = placed_.at(frame.time_s, ned_T_camera);
     moves_ = placed && placed->status == TrackStatus::tracking && moves(*placed);
   }
