@@ -115,8 +115,9 @@ TargetOptions target_options(const LandOptions& options, const Parent& parent, c
   return target;
 }
 
-DetectorOptions detector_options(const Camera& camera, int threads) {
+DetectorOptions detector_options(const Camera& camera, int threads, bool covered) {
   DetectorOptions options;
+  options.covered = covered;
   options.threads = threads;
   options.camera = camera;
   return options;
@@ -131,7 +132,8 @@ class Lander {
         camera_(load_camera(options.camera_file)),
         mount_(options.mount_file.empty() ? Mount() : load_mount(options.mount_file)),
         target_(target_options(options, parent_of(options, markers_), mount_)),
-        detector_(markers_, detector_options(camera_, options.threads)),
+        detector_(markers_, detector_options(camera_, options.threads, false)),
+        thorough_(markers_, detector_options(camera_, options.threads, true)),
         teller_(target_),
         clock_({stamps_of(options.stamps), 1e-3 * options.latency_ms}),
         log_(options.dry_run, options.record, target_),
@@ -221,6 +223,7 @@ class Lander {
     result.height = image.height();
     const double start_s = monotonic_s();
     result.detections = detector_.detect(image, teller_.tracks(frame.timestamp_s));
+    if (!shows_pad(result.detections)) result.detections = thorough_.detect(image);
     const double detected_s = monotonic_s();
     result.poses = poses(image, result.detections, pose_options(seen.vehicle));
     const double posed_s = monotonic_s();
@@ -234,6 +237,12 @@ class Lander {
                  (clock_.absolute() && captured_s ? *captured_s : frame.received_s));
     if (!options_.record.empty()) log_.add(seen);
     show(view_of(seen));
+  }
+
+  bool shows_pad(const std::vector<Detection>& detections) const {
+    return std::any_of(detections.begin(), detections.end(), [this](const Detection& detection) {
+      return detection.parent == target_.parent;
+    });
   }
 
   std::optional<VehiclePose> vehicle_at(const Frame& frame,
@@ -349,7 +358,8 @@ class Lander {
   Camera camera_;
   Mount mount_;
   TargetOptions target_;
-  GuidedDetector detector_;
+  GuidedDetector detector_;  ///< for markers that are seen whole: close by, the children
+  Detector thorough_;        ///< for a pad of which only parts are seen
   TargetTeller teller_;
   FrameClock clock_;
 
