@@ -1,6 +1,7 @@
 #include "harco/deck.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <stdexcept>
 
@@ -279,6 +280,17 @@ TEST(OscillationFit, RefusesBadInput) {
   refused([](auto&, auto& options) { options.max_period_s = 1.0; });
   refused([](auto&, auto& options) { options.max_iterations = 0; });
   EXPECT_NO_THROW(fit_orders({good.begin(), good.begin() + 4}));
+}
+
+TEST(FitOrders, SaysNothingWhereNumbersOverflow) {
+  testing::internal::CaptureStderr();
+  for (const double value : {1e150, 1e300})
+    for (const double sd : {1e-300, 1e-160}) {
+      std::vector<SeriesSample> samples;
+      for (int i = 0; i < 60; ++i) samples.push_back({0.5 * i, value * std::sin(0.5 * i), sd});
+      EXPECT_FALSE(fit_orders(samples).empty());
+    }
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
 }  // namespace

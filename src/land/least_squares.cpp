@@ -1,5 +1,6 @@
 #include "land/least_squares.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include <ceres/ceres.h>
@@ -19,6 +20,8 @@ class Residual : public ceres::CostFunction {
     mutable_parameter_block_sizes()->push_back(1 + 3 * order);
   }
 
+  /// False where numbers overflow: Ceres then takes a shorter step, or none. What isn't finite it
+  /// prints.
   bool Evaluate(const double* const* blocks, double* residual, double** jacobians) const override {
     const double* p = blocks[0];
     double* slope = jacobians != nullptr ? jacobians[0] : nullptr;
@@ -36,7 +39,9 @@ class Residual : public ceres::CostFunction {
       at[2] = since_s_ * (part[1] * c - part[0] * s) / sd_;
     }
     residual[0] = (sum - value_) / sd_;
-    return true;
+    if (!std::isfinite(residual[0])) return false;
+    return slope == nullptr ||
+           std::all_of(slope, slope + 1 + 3 * order_, [](double of) { return std::isfinite(of); });
   }
 
  private:
@@ -71,6 +76,10 @@ Oscillation least_squares(const std::vector<SeriesSample>& samples, const Oscill
     problem.SetParameterLowerBound(p.data(), 3 + 3 * i, kTwoPi / options.max_period_s);
     problem.SetParameterUpperBound(p.data(), 3 + 3 * i, kTwoPi / options.min_period_s);
   }
+
+  // From where nothing can be computed there is no way on; Ceres would print that, too.
+  std::vector<double> gradient;
+  if (!problem.Evaluate({}, nullptr, nullptr, &gradient, nullptr)) return start;
 
   ceres::Solver::Options solving;
   // A Cholesky factor of normal equations that are nearly singular fails, and Ceres prints so.
