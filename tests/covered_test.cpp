@@ -194,13 +194,13 @@ TEST(Prediction, CarriesCornersAndTheirErrorsOverTheSheet) {
   EXPECT_GT(parent->covariance(0, 0), 0.01);
 }
 
-/// Poses of a marker of 250 pixels while blobs of all greys cover `share` of it.
+/// Poses of a marker at `range` (1 m is 700 pixels) while blobs of all greys cover `share` of it.
 struct Survivors {
   int right = 0;
   int wrong = 0;
   int frames = 0;
 };
-Survivors cover_and_look(double share, int most_blobs, int frames) {
+Survivors cover_and_look(double share, int most_blobs, int frames, double range = 2.8) {
   const MarkerSet set = layers(3);
   const Camera camera = Camera::pinhole(750, 480, 700.0);
   Detector detector(set, camera);
@@ -213,7 +213,7 @@ Survivors cover_and_look(double share, int most_blobs, int frames) {
     lab::Scene scene;
     scene.camera = camera;
     scene.grey = 60.0 + 120.0 * unit(random);
-    scene.parents.push_back({0, lab::look_at_marker({0.5, 0.5}, 2.8, 40 * kDegree * unit(random),
+    scene.parents.push_back({0, lab::look_at_marker({0.5, 0.5}, range, 40 * kDegree * unit(random),
                                                     2 * std::numbers::pi * unit(random),
                                                     2 * std::numbers::pi * unit(random))});
     const Eigen::Isometry3d& truth = scene.parents[0].camera_T_marker;
@@ -252,6 +252,31 @@ TEST(Covered, ThreeTenthsOfTheMarkerOftenDo) {
   const Survivors many = cover_and_look(0.7, 1000, 12);
   EXPECT_GE(many.right, 6);
   EXPECT_EQ(many.wrong, 0);
+}
+
+// Markers of 400 pixels that the image cuts besides.
+TEST(Covered, HalfWillDoAtTheImagesBorderToo) {
+  const Survivors many = cover_and_look(0.5, 1000, 12, 1.75);
+  EXPECT_GE(many.right, 10);
+  EXPECT_EQ(many.wrong, 0);
+}
+
+// The other code differs in five cells. Their edges show that nothing covers them.
+TEST(Covered, AMarkerOfAnotherCodeIsNotACoveredOne) {
+  MarkerSet set = layers(1);
+  set.parents[0].marker.code = parse_code("1101110001101110110011001");
+  MarkerSet others = set;
+  others.parents[0].marker.code = parse_code("1101100011111110110110001");
+  lab::Scene scene;
+  scene.camera = Camera::pinhole(750, 480, 700.0);
+  Detector detector(set, scene.camera);
+  for (int turn = 0; turn < 12; ++turn) {
+    const Eigen::Isometry3d pose =
+        lab::look_at_marker({0.5, 0.5}, 1.6 + 0.15 * turn, 20 * kDegree, 0.5 * turn, 0.4 * turn);
+    scene.parents = {{0, pose}};
+    EXPECT_TRUE(detector.detect(lab::render(scene, others, 1).view()).empty()) << turn;
+    EXPECT_FALSE(detector.detect(lab::render(scene, set, 1).view()).empty()) << turn;
+  }
 }
 
 lab::Scene far_away(double side_px) {

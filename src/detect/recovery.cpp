@@ -35,7 +35,11 @@ constexpr double kTellingShare = 0.28;
 // So many edges seen are beyond all chance; then only another reading can be in the way.
 constexpr int kTellingEdges = 18;
 constexpr double kLeastTellingLead = 5.0;
-// The image's edge covers nothing of what is within: of a square that it cuts, so much is seen.
+// Edges along cells where the marker has none are those of another one. What covers a marker hardly
+// ever ends along a cell.
+constexpr int kMostForeign = 1;
+// The image's edge covers nothing of what is within: of a square that it cuts, so much is seen,
+// unless the edges are beyond doubt.
 constexpr double kLeastCutShare = 0.5;
 // Readings of one square that are held against the image.
 constexpr std::size_t kReadings = 4;
@@ -90,6 +94,35 @@ bool cut(const ImageView& image, const Lens& lens, const Registration& registrat
   return false;
 }
 
+/// Where two black cells of m x m meet, either of them an inner one: there the marker has no edge,
+/// but another one of the same n does that has white on one side. Each border counts both ways.
+std::vector<TemplateEdge> blank_borders(const std::vector<double>& whiteness, int m) {
+  std::vector<TemplateEdge> borders;
+  const auto black = [&](int row, int column) {
+    return whiteness[static_cast<std::size_t>(row * m + column)] < 0.01;
+  };
+  const auto add = [&](const Vector2d& a, const Vector2d& b, const Vector2d& normal) {
+    for (const double sign : {1.0, -1.0}) {
+      TemplateEdge border;
+      border.a = (a + 0.1 * (b - a)) / m;
+      border.b = (b + 0.1 * (a - b)) / m;
+      border.to_white = sign * normal;
+      border.black = border.white = 1.0 / m;
+      borders.push_back(border);
+    }
+  };
+  const Vector2d x = Vector2d::UnitX();
+  const Vector2d y = Vector2d::UnitY();
+  for (int row = 1; row < m; ++row)
+    for (int column = 1; column < m; ++column) {
+      if (!black(row, column)) continue;
+      const Vector2d corner(column, row);
+      if (row < m - 1 && black(row, column - 1)) add(corner, corner + y, x);
+      if (column < m - 1 && black(row - 1, column)) add(corner, corner + x, y);
+    }
+  return borders;
+}
+
 }  // namespace
 
 Recovery::Recovery(const MarkerSet& markers, const std::vector<PlacedMarker>& placed,
@@ -118,6 +151,8 @@ const Recovery::Description& Recovery::describe(std::size_t parent) {
       for (int column = 0; column < kAcross; ++column)
         description.picture.push_back(static_cast<float>(ink.white_share(
             {column * texel, row * texel, (column + 1) * texel, (row + 1) * texel})));
+    description.blank = blank_borders(predicted_[static_cast<std::size_t>(placed_of_[parent])],
+                                      markers_.parents[parent].marker.code.cells + 2);
   }
   return description;
 }
@@ -271,7 +306,13 @@ std::optional<Recovered> Recovery::at(const ImageView& image, const Lens& lens, 
   }
   if (!best) return std::nullopt;
   const double lead = best_likeness - next_likeness;
-  if (cut(image, lens, best->registration) && best->evidence.share() < kLeastCutShare)
+  const int parent = placed_[static_cast<std::size_t>(best->placed)].parent_index;
+  const int foreign =
+      gather(image, lens, describe(static_cast<std::size_t>(parent)).blank, best->registration)
+          .seen;
+  if (foreign > kMostForeign) return std::nullopt;
+  const bool telling = best->evidence.seen >= kTellingEdges && foreign == 0 && lead >= kLeastLead;
+  if (cut(image, lens, best->registration) && !telling && best->evidence.share() < kLeastCutShare)
     return std::nullopt;
   // What covers a marker is rarely just as black and white as it. Where many cells show the other
   // colour, another pattern may stand there, or a part of this one: only its edges can tell.

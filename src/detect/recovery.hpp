@@ -36,7 +36,8 @@ class Recovery {
   /// What is known of a parent beforehand, made when first needed.
   struct Description {
     std::vector<TemplateEdge> edges;
-    std::vector<float> picture;  ///< whiteness of the square, kAcross x kAcross, row-first
+    std::vector<TemplateEdge> blank;  ///< where it has none, but others may
+    std::vector<float> picture;       ///< whiteness of the square, kAcross x kAcross, row-first
   };
   /// One of the markers of the set in one of its four turns.
   struct Reading {
