@@ -30,19 +30,8 @@ class Splitter {
     const double chord_px = (at(to) - at(from)).norm();
     // Too few points can't make a segment, however straight.
     if (static_cast<double>(to - from) + 1.0 < least_px_) return;
-    const Point chord = at(to) - at(from);
-    double worst = 0.0;
-    std::size_t farthest = from;
-    for (std::size_t i = from + 1; i < to; ++i) {
-      const Point offset = at(i) - at(from);
-      const double away =
-          chord_px > 1e-6 ? std::abs(cross(chord, offset)) / chord_px : offset.norm();
-      if (away > worst) {
-        worst = away;
-        farthest = i;
-      }
-    }
-    if (worst <= kRuffle + kBend * chord_px) {
+    const auto [farthest, away_px] = farthest_from_chord(from, to, chord_px);
+    if (away_px <= kRuffle + kBend * chord_px) {
       keep(from, to);
       return;
     }
@@ -51,7 +40,28 @@ class Splitter {
   }
 
  private:
-  const Point& at(std::size_t i) const { return points_[i % points_.size()]; }
+  /// The outline is closed: one past its last point is its first one.
+  const Point& at(std::size_t i) const { return i < points_.size() ? points_[i] : points_[0]; }
+
+  /// The point between two others that is farthest from the line through them, or from both if they
+  /// are one, and how far.
+  std::pair<std::size_t, double> farthest_from_chord(std::size_t from, std::size_t to,
+                                                     double chord_px) const {
+    const Point& start = at(from);
+    const Point chord = at(to) - start;
+    const bool one = chord_px <= 1e-6;
+    double worst = 0.0;
+    std::size_t farthest = from;
+    for (std::size_t i = from + 1; i < to; ++i) {
+      const Point offset = points_[i] - start;
+      const double away = one ? offset.norm() : std::abs(cross(chord, offset));
+      if (away > worst) {
+        worst = away;
+        farthest = i;
+      }
+    }
+    return {farthest, one ? worst : worst / chord_px};
+  }
 
   void keep(std::size_t from, std::size_t to) {
     from += kTrim;
@@ -92,8 +102,13 @@ void append_segments(const Contour& contour, double least_px, std::vector<Segmen
   if (static_cast<double>(points.size()) < 2.0 * least_px) return;
   // A closed outline has no ends; two points far apart serve.
   std::size_t far = 0;
-  for (std::size_t i = 1; i < points.size(); ++i)
-    if ((points[i] - points[0]).squaredNorm() > (points[far] - points[0]).squaredNorm()) far = i;
+  double farthest = 0.0;
+  for (std::size_t i = 1; i < points.size(); ++i) {
+    const double away = (points[i] - points[0]).squaredNorm();
+    if (away <= farthest) continue;
+    farthest = away;
+    far = i;
+  }
   Splitter splitter(contour, least_px, segments);
   splitter.split(0, far);
   splitter.split(far, points.size());
