@@ -31,8 +31,8 @@ Pose describe(const Eigen::Isometry3d& camera_T_marker, int parent,
 // nothing for the image to decide.
 constexpr double kExcludedLogRatio = 12.0;
 
-// An alignment that doesn't explain so much of the pixels, and leaves the corners it came from by
-// more pixels, root mean square, has slid into something else.
+// Of two solutions: an alignment that doesn't explain so much of the pixels, and leaves the corners
+// it came from by more pixels, root mean square, has slid into something else.
 constexpr double kConvincingShare = 0.88, kMostApartPx = 0.35;
 
 // Solutions closer than this, in radians, are one.
@@ -55,20 +55,22 @@ struct Evidence {
   Aligner& aligner;
   std::optional<InkOutline> outline;  ///< there if poses shall be aligned
 
-  Solution solution(const Eigen::Isometry3d& from_corners, const Matrix6d& covariance,
-                    const std::vector<Observation>& used) const {
+  Solution solution(const Eigen::Isometry3d& from_corners, const Matrix6d& covariance) const {
     Solution found{from_corners, std::nullopt};
-    if (!outline) return found;
-    found.alignment = aligner.align(image, *outline, cell_m, camera, from_corners, covariance);
-    if (found.alignment && !bears_out(*found.alignment, used)) found.alignment.reset();
+    if (outline)
+      found.alignment = aligner.align(image, *outline, cell_m, camera, from_corners, covariance);
     if (found.alignment) found.camera_T_marker = found.alignment->camera_T_marker;
     return found;
   }
 
-  /// Whether an alignment explains the corners that it came from, or if not them, then all else.
-  bool bears_out(const Alignment& alignment, const std::vector<Observation>& used) const {
-    return alignment.share > kConvincingShare ||
-           reprojection_rms_px(alignment.camera_T_marker, used, detections, camera) < kMostApartPx;
+  /// The same where corners leave two solutions: what then slides away from them is none.
+  Solution one_of_two(const Eigen::Isometry3d& from_corners, const Matrix6d& covariance,
+                      const std::vector<Observation>& used) const {
+    const Solution found = solution(from_corners, covariance);
+    const bool stands =
+        !found.alignment || found.alignment->share > kConvincingShare ||
+        reprojection_rms_px(found.camera_T_marker, used, detections, camera) < kMostApartPx;
+    return stands ? found : Solution{from_corners, std::nullopt};
   }
 
   /// Where one of them is aligned at least.
@@ -90,14 +92,15 @@ Pose joint_pose(const Group& group, const Evidence& evidence) {
   for (std::size_t k = 0; k < group.members.size(); ++k)
     if (group.pose.used[k]) used.push_back(group.members[k]);
 
-  Solution first = evidence.solution(group.pose.camera_T_marker, group.pose.covariance, used);
-  std::optional<Solution> second;
   double ratio = group.pose.log_likelihood_ratio;
-  if (group.pose.second) {
-    const double so_far = ratio + evidence.gravity(group.pose.camera_T_marker, *group.pose.second);
-    if (so_far < kExcludedLogRatio)
-      second = evidence.solution(*group.pose.second, group.pose.covariance, used);
-  }
+  const bool two =
+      group.pose.second &&
+      ratio + evidence.gravity(group.pose.camera_T_marker, *group.pose.second) < kExcludedLogRatio;
+  Solution first =
+      two ? evidence.one_of_two(group.pose.camera_T_marker, group.pose.covariance, used)
+          : evidence.solution(group.pose.camera_T_marker, group.pose.covariance);
+  std::optional<Solution> second;
+  if (two) second = evidence.one_of_two(*group.pose.second, group.pose.covariance, used);
   if (second && angle_between(first.camera_T_marker, second->camera_T_marker) < kSameSolution)
     second.reset();
   if (second) {
