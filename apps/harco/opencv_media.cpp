@@ -159,10 +159,11 @@ class OpencvMedia : public Media {
   }
 
   std::unique_ptr<VideoReader> open_video(const std::string& file) const override {
-    for (const int backend : {cv::CAP_FFMPEG, cv::CAP_GSTREAMER})
-      if (cv::VideoCapture capture; capture.open(file, backend))
-        return std::make_unique<OpencvVideo>(std::move(capture), false);
-    throw Error(file + ": is neither a picture nor a video that can be read");
+    // OpenCV's other way, GStreamer, prints what it thinks of files that it can't read.
+    cv::VideoCapture capture;
+    if (!capture.open(file, cv::CAP_FFMPEG))
+      throw Error(file + ": is neither a picture nor a video that can be read");
+    return std::make_unique<OpencvVideo>(std::move(capture), false);
   }
 
   std::unique_ptr<VideoReader> open_camera(const std::string& device) const override {
@@ -170,7 +171,7 @@ class OpencvMedia : public Media {
                         !device.empty() && device.size() < 6;
     cv::VideoCapture capture;
     const bool open =
-        number ? capture.open(std::stoi(device), cv::CAP_ANY) : capture.open(device, cv::CAP_V4L2);
+        number ? capture.open(std::stoi(device), cv::CAP_V4L2) : capture.open(device, cv::CAP_V4L2);
     if (!open) throw Error("camera " + device + ": can't be opened");
     return std::make_unique<OpencvVideo>(std::move(capture), true);
   }
