@@ -312,8 +312,9 @@ void validate(const Camera& camera) {
   require(camera.height > 0, "height must be positive");
   // Between a fisheye that sees more than everything and a telescope.
   constexpr double kLeastFocal = 0.01, kMostFocal = 1e4;
-  // Shift lenses and images cut out of larger ones have it outside, but not far.
-  constexpr double kFarthestCentre = 10.0;
+  // Shift lenses and images cut out of larger ones have it outside; small cuttings
+  // far outside, by their measure.
+  constexpr double kFarthestCentre = 100.0;
   const double size = std::max(camera.width, camera.height);
   const auto check_focal = [&](double focal, const std::string& name) {
     require(focal > 0.0 && std::isfinite(focal), name + " must be positive and finite");
@@ -325,7 +326,7 @@ void validate(const Camera& camera) {
   const auto check_centre = [&](double centre, const std::string& name) {
     require(std::isfinite(centre), name + " must be finite");
     require(std::abs(centre) <= kFarthestCentre * size,
-            name + " is farther away than ten times the image's longer side");
+            name + " is farther away than a hundred times the image's longer side");
   };
   check_focal(camera.fx, "fx");
   check_focal(camera.fy, "fy");
