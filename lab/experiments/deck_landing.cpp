@@ -88,7 +88,7 @@ PlatformPlan platform_plan(Extent extent) {
   plan.speed_mps = kDescent;
   plan.level = {kPlatformLevel, kPlatformLevel, kInf};
   plan.windows.min_duration_s = 0.8;
-  plan.windows.min_probability = 0.99;
+  plan.windows.min_probability = 0.999;
   plan.windows.level.tilt_sd_rad = VehicleOptions{}.attitude_bias_rad;
   plan.deck.refit_s = 5.0;
   plan.deck.max_samples = 600;
@@ -556,7 +556,7 @@ class DeckLanding final : public Experiment {
 
   Json settings(Extent extent) const override {
     const Amounts all = amounts(extent);
-    return {{"revision", 2},
+    return {{"revision", 3},
             {"side_m", kSide},
             {"frame_rate", kFrames},
             {"platform_level_rad", kPlatformLevel},
