@@ -1,6 +1,7 @@
 // Every kernel gives the same bytes as its plain twin, on every instruction set of this machine.
 #include <cstdint>
 #include <random>
+#include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -8,6 +9,7 @@
 
 #include "detect/kernels/dark_bits.hpp"
 #include "detect/kernels/halve.hpp"
+#include "detect/kernels/region_walk.hpp"
 #include "detect/kernels/tile_extremes.hpp"
 #include "detect/kernels/tile_thresholds.hpp"
 #include "detect/kernels/ways_down.hpp"
@@ -261,6 +263,123 @@ TEST(Kernels, BlurredPatchesAreTheSameOnEveryTarget) {
       return out;
     });
   }
+}
+
+/// A map of bits drawn with # for what is dark, and where its regions begin.
+class Drawing {
+ public:
+  explicit Drawing(const std::vector<std::string>& rows)
+      : height_(static_cast<int>(rows.size())), width_(static_cast<int>(rows[0].size())) {
+    for (auto* map : {&bits_, &tall_})
+      map->assign(static_cast<std::size_t>(stride() * (height_ + 2)), 0);
+    for (int y = 0; y < height_; ++y)
+      for (int x = 0; x < width_; ++x)
+        if (rows[static_cast<std::size_t>(y)][static_cast<std::size_t>(x)] == '#') set(bits_, x, y);
+  }
+
+  RegionMap map(bool dark) {
+    std::fill(tall_.begin(), tall_.end(), std::uint8_t{0});
+    for (int y = 2; y < height_; ++y)
+      for (int x = 0; x < width_; ++x)
+        if (get(x, y) == dark && get(x, y - 1) == dark && get(x, y - 2) == dark) set(tall_, x, y);
+    return {
+        bits_.data() + first(), tall_.data() + first(), stride(), width_, height_, dark, 3, 12, 9};
+  }
+
+  /// Stretches of one kind below nothing but the other kind.
+  std::vector<RegionStart> starts(bool dark) const {
+    std::vector<RegionStart> found;
+    for (int y = 1; y < height_; ++y)
+      for (int x = 1; x + 1 < width_; ++x) {
+        if (get(x, y) != dark || get(x - 1, y) == dark) continue;
+        int right = x;
+        while (right + 1 < width_ && get(right + 1, y) == dark) ++right;
+        bool free = right + 1 < width_;
+        for (int i = x; i <= right; ++i) free = free && get(i, y - 1) != dark;
+        if (free) found.push_back({x, right, y});
+      }
+    return found;
+  }
+
+ private:
+  std::ptrdiff_t stride() const { return (width_ + 63) / 64 * 8 + 16; }
+  std::ptrdiff_t first() const { return stride() + 8; }
+  std::size_t byte_of(int x, int y) const {
+    return static_cast<std::size_t>(first() + y * stride() + x / 8);
+  }
+  void set(std::vector<std::uint8_t>& map, int x, int y) const {
+    map[byte_of(x, y)] = static_cast<std::uint8_t>(map[byte_of(x, y)] | 1U << (x % 8));
+  }
+  bool get(int x, int y) const { return (bits_[byte_of(x, y)] >> (x % 8) & 1) != 0; }
+
+  int height_, width_;
+  std::vector<std::uint8_t> bits_, tall_;
+};
+
+TEST(Kernels, WalksOverRegionsKnownByHand) {
+  // A square, a stripe that goes on to the border, a block that ends too soon, one that hangs on to
+  // something taller on its right, and one that goes out again.
+  Drawing drawing({"............................................................",  //
+                   "..................................#.........................",  //
+                   "..................................#.......##########........",  //
+                   "..####....#####.....####..........#.......##########........",  //
+                   "..####....#####.....####..........#..........####...........",  //
+                   "..####....#####............####...#...........##............",  //
+                   "..####....#####............####...#...........##............",  //
+                   "..........#####............########..........####...........",  //
+                   "..........#####............####...#........########.........",  //
+                   "..........#####...........................##########........",  //
+                   "..........#####...........................##########........",  //
+                   "..........#####.............................................",  //
+                   "..........#####.............................................",  //
+                   "..........#####............................................."});
+  const std::vector<RegionStart> starts{
+      {2, 5, 3}, {10, 14, 3}, {20, 23, 3}, {27, 30, 5}, {42, 51, 2}};
+  std::vector<std::uint8_t> survives(starts.size(), 7);
+  walk_regions_scalar(drawing.map(true), starts.data(), starts.size(), survives.data());
+  EXPECT_EQ(survives, (std::vector<std::uint8_t>{1, 0, 0, 0, 0}));
+}
+
+TEST(Kernels, WalksOverRegionsAreTheSameOnEveryTarget) {
+  on_every_target([] {
+    std::mt19937 random(5);
+    const auto below = [&](int end) {
+      return static_cast<int>(random() % static_cast<std::uint32_t>(end));
+    };
+    for (int scene = 0; scene < 60; ++scene) {
+      // Blocks that overlap, sprinkled with noise.
+      const int width = 20 + below(180);
+      const int height = 20 + below(60);
+      std::vector<std::string> rows(static_cast<std::size_t>(height),
+                                    std::string(static_cast<std::size_t>(width), '.'));
+      for (int block = 0; block < width * height / 150; ++block) {
+        const int x = below(width);
+        const int y = below(height);
+        const int w = 1 + below(30);
+        const int h = 1 + below(14);
+        const int slant = below(5) - 2;
+        for (int i = 0; i < h && y + i < height; ++i)
+          for (int j = 0; j < w; ++j)
+            if (const int at = x + j + slant * i; at >= 0 && at < width)
+              rows[static_cast<std::size_t>(y + i)][static_cast<std::size_t>(at)] = '#';
+      }
+      for (int speck = 0; speck < width * height / 60; ++speck) {
+        const auto y = static_cast<std::size_t>(below(height));
+        const auto x = static_cast<std::size_t>(below(width));
+        rows[y][x] = rows[y][x] == '#' ? '.' : '#';
+      }
+      Drawing drawing(rows);
+      for (const bool dark : {true, false}) {
+        const std::vector<RegionStart> starts = drawing.starts(dark);
+        std::vector<std::uint8_t> survives(starts.size(), 7);
+        std::vector<std::uint8_t> by_hand(starts.size(), 7);
+        const RegionMap map = drawing.map(dark);
+        walk_regions(map, starts.data(), starts.size(), survives.data());
+        walk_regions_scalar(map, starts.data(), starts.size(), by_hand.data());
+        ASSERT_EQ(survives, by_hand) << "scene " << scene;
+      }
+    }
+  });
 }
 
 }  // namespace

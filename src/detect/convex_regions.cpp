@@ -68,11 +68,11 @@ End leftmost(const std::uint8_t* row, const std::uint8_t* tall_above, int low, i
   const std::uint64_t around = pixels_from<kDark>(row, first);
   const int ones = std::countl_one(around << (63 - kMiddle));  // up to `low`
   const int zeros = std::countr_zero(around >> kMiddle);       // from `low` on
-  if (ones > kMiddle || zeros > kMiddle) return {far_leftmost<kDark>(row, low, high), false};
-  const int left = low + zeros - (ones > 0 ? ones - 1 : 0);
   // The pixel next to the last end may hang on to it.
   const std::uint64_t tall = pixels_from<true>(tall_above, first) << (63 - kMiddle + 2);
-  return {left, ones > 2 && std::countl_zero(tall) < ones - 2};
+  const bool from_above = ones > 2 && std::countl_zero(tall) < ones - 2;
+  if (ones > kMiddle || zeros > kMiddle) return {far_leftmost<kDark>(row, low, high), from_above};
+  return {low + zeros - (ones > 0 ? ones - 1 : 0), from_above};
 }
 
 /// Likewise the rightmost one; before `low` if there is none.
@@ -83,11 +83,11 @@ End rightmost(const std::uint8_t* row, const std::uint8_t* tall_above, int low, 
   const std::uint64_t around = pixels_from<kDark>(row, first);
   const int ones = std::countr_one(around >> kMiddle);
   const int zeros = std::countl_zero(around << (63 - kMiddle));
-  if (ones > kMiddle || zeros > kMiddle)
-    return {far_rightmost<kDark>(row, high, low, width), false};
-  const int right = high - zeros + (ones > 0 ? ones - 1 : 0);
   const std::uint64_t tall = pixels_from<true>(tall_above, first) >> (kMiddle + 2);
-  return {right, ones > 2 && std::countr_zero(tall) < ones - 2};
+  const bool from_above = ones > 2 && std::countr_zero(tall) < ones - 2;
+  if (ones > kMiddle || zeros > kMiddle)
+    return {far_rightmost<kDark>(row, high, low, width), from_above};
+  return {high - zeros + (ones > 0 ? ones - 1 : 0), from_above};
 }
 
 /// One side of a region on its way down: whether it has turned back, and whether it does so again.
@@ -145,8 +145,8 @@ void ConvexRegions::start(const ConvexRegions& whole, int first_row, int end_row
 void ConvexRegions::start_rows(int first_row, int end_row) {
   // What begins in the first row touches the border.
   first_row_ = std::max(1, first_row);
-  tops_.clear();
-  next_top_ = 0;
+  starts_.clear();
+  next_start_ = 0;
   ends_.resize(static_cast<std::size_t>(map_->height()));
   ways_stride_ = map_->words_in_row() + 2;
   ways_.assign(static_cast<std::size_t>(ways_rows_ * ways_stride_), 0);
@@ -160,16 +160,35 @@ void ConvexRegions::start_rows(int first_row, int end_row) {
 
 bool ConvexRegions::next(RegionTop& top) {
   for (;;) {
-    while (next_top_ < tops_.size()) {
-      top = tops_[next_top_++];
-      if (dark_ ? may_be_convex<true>(top) : may_be_convex<false>(top)) return true;
+    while (next_start_ < starts_.size()) {
+      const std::size_t i = next_start_++;
+      if (survives_[i] != 0 &&
+          (dark_ ? may_be_convex<true>(starts_[i], top) : may_be_convex<false>(starts_[i], top)))
+        return true;
     }
-    if (--row_ < first_row_) return false;
-    tops_.clear();
-    next_top_ = 0;
+    if (!find_survivors()) return false;
+  }
+}
+
+/// Of the rows above, as many as give enough to be walked at the same time. False if none is left.
+bool ConvexRegions::find_survivors() {
+  constexpr std::size_t kEnough = 256;
+  starts_.clear();
+  next_start_ = 0;
+  while (starts_.size() < kEnough && --row_ >= first_row_) {
     find_ways_down();
     find_tops();
   }
+  if (starts_.empty()) return false;
+  const auto bytes = [](const DarkMap& map) {
+    return reinterpret_cast<const std::uint8_t*>(map.origin());
+  };
+  survives_.resize(starts_.size());
+  kernels::walk_regions({bytes(*map_), bytes(*whole_tall_), map_->bits_in_row() / 8, map_->width(),
+                         map_->height(), dark_, limits_.least_extent, limits_.least_length,
+                         static_cast<int>(std::ceil(limits_.least_area))},
+                        starts_.data(), starts_.size(), survives_.data());
+  return true;
 }
 
 void ConvexRegions::find_tall() {
@@ -228,7 +247,9 @@ void ConvexRegions::find_tops() {
       std::uint64_t outside = ~inside & ((std::uint64_t{1} << end) - 1);
       int at = word;
       while (outside == 0) outside = ~(here[--at] ^ flip);
-      tops_.push_back({64 * at + 64 - std::countl_zero(outside), row_, dark_, 0, 0});
+      const int left = 64 * at + 64 - std::countl_zero(outside);
+      const int right = 64 * word + end - 1;
+      if (left > 0 && right < map_->width() - 1) starts_.push_back({left, right, row_});
     }
   }
 }
@@ -250,7 +271,8 @@ bool ConvexRegions::is_sharp(const RegionTop& top) const {
 
 /// Goes down both sides of a region from its top.
 template <bool kDark>
-bool ConvexRegions::may_be_convex(RegionTop& top) {
+bool ConvexRegions::may_be_convex(const kernels::RegionStart& start, RegionTop& top) {
+  top = {start.left, start.y, kDark, 0, 0};
   constexpr int kTouch = kDark ? 1 : 0;
   const auto* row = reinterpret_cast<const std::uint8_t*>(map_->origin());
   const std::ptrdiff_t stride = map_->bits_in_row() / 8;
@@ -259,8 +281,7 @@ bool ConvexRegions::may_be_convex(RegionTop& top) {
   row += top.y * stride;
   int left = top.x;
   const auto* tall = reinterpret_cast<const std::uint8_t*>(whole_tall_->origin()) + top.y * stride;
-  int right = far_rightmost<kDark>(row, left, left, width);
-  if (left <= 0 || right >= width - 1) return false;
+  int right = start.right;
   Side left_side(-left);
   Side right_side(right);
   int least = left;
@@ -309,10 +330,12 @@ bool ConvexRegions::is_news(const RegionTop& top) const {
   return 8 * news >= top.rows;
 }
 
-/// Whether a region's area is about that of the quadrilateral between the two points of its sides
-/// that are farthest from one another and those farthest from the line between them, on both sides.
+/// Whether a region is about the quadrilateral between the two points of its outline that are
+/// farthest from one another and those farthest from the line between them, on both sides: by area,
+/// and by how far the outline strays from the sides.
 bool ConvexRegions::outlines_quad(std::int64_t area, int rows, int columns) const {
-  // Corners of pixels, x from the region's left end and y from its top.
+  if (static_cast<double>(area) < limits_.least_area) return false;
+  // Corners of pixels, x from the image's border and y from the region's top.
   const auto for_each_corner = [&](auto&& visit) {
     for (int y = 0; y < rows; ++y) {
       const Ends& ends = ends_[static_cast<std::size_t>(y)];
@@ -321,9 +344,6 @@ bool ConvexRegions::outlines_quad(std::int64_t area, int rows, int columns) cons
       visit(ends.right + 1, y);
       visit(ends.right + 1, y + 1);
     }
-  };
-  struct Corner {
-    int x, y;
   };
   const auto farthest_from = [&](int from_x, int from_y) {
     Corner best{from_x, from_y};
@@ -345,17 +365,64 @@ bool ConvexRegions::outlines_quad(std::int64_t area, int rows, int columns) cons
   const std::int64_t dy = c.y - a.y;
   std::int64_t left = 0;
   std::int64_t right = 0;
+  Corner b = a;
+  Corner d = a;
   for_each_corner([&](int x, int y) {
     const std::int64_t aside = dx * (y - a.y) - dy * (x - a.x);
-    right = std::max(right, aside);
-    left = std::min(left, aside);
+    if (aside > right) {
+      right = aside;
+      b = {x, y};
+    }
+    if (aside < left) {
+      left = aside;
+      d = {x, y};
+    }
   });
   const std::int64_t quad = right - left;  // twice its area
   const std::int64_t length = 2 * (rows + columns);
-  if (static_cast<double>(quad + length) < 2.0 * limits_.least_area) return false;
   // Half a pixel along the way is what noise takes; blur rounds corners.
   const std::int64_t surplus = 2 * area - quad;
-  return surplus >= -quad / 6 - length && surplus <= quad / 8 + length / 2;
+  if (surplus < -quad / 6 - length || surplus > quad / 8 + length / 2) return false;
+  return keeps_to({a, d, c, b}, rows);
+}
+
+/// Whether the outline keeps to the sides of a quadrilateral, whose corners go around clockwise as
+/// seen on the screen.
+bool ConvexRegions::keeps_to(const std::array<Corner, 4>& corners, int rows) const {
+  // Steps of pixels, noise and rounded corners, and what lenses bend long sides by.
+  constexpr float kStray = 2.6F;
+  constexpr float kBend = 0.05F;
+  struct Line {
+    float x, y, at;
+  };
+  std::array<Line, 4> outside;  // distance outwards, over what is allowed
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Corner& from = corners[i];
+    const Corner& to = corners[(i + 1) % 4];
+    const auto x = static_cast<float>(to.x - from.x);
+    const auto y = static_cast<float>(to.y - from.y);
+    const float length = std::sqrt(x * x + y * y);
+    const float scale = 1.0F / (std::max(length, 1.0F) * (kStray + kBend * length));
+    outside[i] = {y * scale, -x * scale,
+                  (x * static_cast<float>(from.y) - y * static_cast<float>(from.x)) * scale};
+  }
+  const auto beyond = [&](float x, float y) {
+    float most = outside[0].x * x + outside[0].y * y + outside[0].at;
+    for (std::size_t i = 1; i < 4; ++i)
+      most = std::max(most, outside[i].x * x + outside[i].y * y + outside[i].at);
+    return most;
+  };
+  float least = 0.0F;
+  float most = 0.0F;
+  for (int row = 0; row < rows; ++row) {
+    const Ends& ends = ends_[static_cast<std::size_t>(row)];
+    const float y = static_cast<float>(row) + 0.5F;
+    const float left = beyond(static_cast<float>(ends.left), y);
+    const float right = beyond(static_cast<float>(ends.right + 1), y);
+    least = std::min(least, std::min(left, right));
+    most = std::max(most, std::max(left, right));
+  }
+  return least >= -1.0F && most <= 1.0F;
 }
 
 }  // namespace harco::detect

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "detect/kernels/region_walk.hpp"
 #include "detect/threshold.hpp"
 
 namespace harco::detect {
@@ -50,6 +51,9 @@ class ConvexRegions {
   struct Ends {
     int left, right;
   };
+  struct Corner {
+    int x, y;
+  };
   std::uint64_t* ways(int rows) { return ways_.data() + (rows - 1) * ways_stride_ + 1; }
   void start_rows(int first_row, int end_row);
   void find_tall();
@@ -57,9 +61,11 @@ class ConvexRegions {
   void find_tops();
   bool is_news(const RegionTop& top) const;
   bool is_sharp(const RegionTop& top) const;
+  bool find_survivors();
   template <bool kDark>
-  bool may_be_convex(RegionTop& top);
+  bool may_be_convex(const kernels::RegionStart& start, RegionTop& top);
   bool outlines_quad(std::int64_t area, int rows, int columns) const;
+  bool keeps_to(const std::array<Corner, 4>& corners, int rows) const;
 
   const Threshold* threshold_ = nullptr;
   const DarkMap* map_ = nullptr;
@@ -74,8 +80,9 @@ class ConvexRegions {
   std::vector<std::uint64_t> ways_;
   std::ptrdiff_t ways_stride_ = 0;
   int ways_rows_ = 1;
-  std::vector<RegionTop> tops_;  // in this row
-  std::size_t next_top_ = 0;
+  std::vector<kernels::RegionStart> starts_;  // of some rows
+  std::vector<std::uint8_t> survives_;        // which of them may be convex
+  std::size_t next_start_ = 0;
   std::vector<Ends> ends_;               // of the region, row by row
   DarkMap tall_;                         // where this and the two pixels above are the region's:
   const DarkMap* whole_tall_ = nullptr;  // one's own, or that of the whole

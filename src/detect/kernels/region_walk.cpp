@@ -1,0 +1,337 @@
+#include "detect/kernels/region_walk.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+
+// Highway compiles this file once for every instruction set.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "detect/kernels/region_walk.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.
+#include <hwy/highway.h>
+
+#ifndef HARCO_REGION_WALK_ONCE
+#define HARCO_REGION_WALK_ONCE
+namespace harco::detect::kernels {
+
+// Pixels on one side of an end and the end itself.
+constexpr std::int32_t kHalf = (1 << (kWalkReach + 1)) - 1;
+
+/// How much a side may go out again.
+constexpr int walk_tolerance(int rows) { return 2 + rows / 16; }
+
+}  // namespace harco::detect::kernels
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace harco::detect::kernels::HWY_NAMESPACE {
+
+#if HWY_TARGET == HWY_SCALAR
+
+void walk_regions_simd(const RegionMap& map, const RegionStart* starts, std::size_t count,
+                       std::uint8_t* survives) {
+  walk_regions_scalar(map, starts, count, survives);
+}
+
+#else
+
+namespace hn = hwy::HWY_NAMESPACE;
+using Lanes = hn::ScalableTag<std::int32_t>;
+using Lane = hn::Vec<Lanes>;
+using Mask = hn::Mask<Lanes>;
+constexpr Lanes kLanes;
+constexpr hn::RebindToUnsigned<Lanes> kUnsigned;
+
+/// Regions that are walked together, row by row; who is done leaves the list.
+constexpr std::size_t kTogether = 256;
+constexpr std::size_t kMostLanes = HWY_LANES(std::int32_t);
+struct Walks {
+  using List = std::int32_t[kTogether + kMostLanes];
+  alignas(64) List offset;       // of the row above, in bytes
+  alignas(64) List rows_left;    // down to the image's border
+  alignas(64) List left, right;  // ends in the row above
+  alignas(64) List left_extreme, right_extreme, left_inwards, right_inwards;  // as for a Side
+  alignas(64) List least, most;                                               // of all ends
+  alignas(64) List area;
+  alignas(64) List index;
+};
+
+HWY_INLINE Lane load(const Walks::List& list, std::size_t at) {
+  return hn::Load(kLanes, list + at);
+}
+
+#if HWY_TARGET == HWY_AVX2 || HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
+HWY_INLINE Lane words_at(const std::uint8_t* bytes, Lane at) {
+  return hn::GatherOffset(kLanes, reinterpret_cast<const std::int32_t*>(bytes), at);
+}
+#else
+HWY_INLINE Lane words_at(const std::uint8_t* bytes, Lane at) {
+  alignas(64) std::int32_t offsets[kMostLanes];
+  alignas(64) std::int32_t words[kMostLanes];
+  hn::Store(at, kLanes, offsets);
+  for (std::size_t i = 0; i < hn::Lanes(kLanes); ++i)
+    std::memcpy(&words[i], bytes + offsets[i], sizeof words[i]);
+  return hn::Load(kLanes, words);
+}
+#endif
+
+/// 32 pixels of a row from `x` on, the first one lowest; 25 are valid.
+HWY_INLINE Lane pixels_from(const std::uint8_t* bits, Lane offset, Lane x) {
+  const auto byte = hn::Add(offset, hn::ShiftRight<3>(x));
+  const auto shift = hn::BitCast(kUnsigned, hn::And(x, hn::Set(kLanes, 7)));
+  return hn::BitCast(kLanes, hn::Shr(hn::BitCast(kUnsigned, words_at(bits, byte)), shift));
+}
+
+/// Which bit is the highest one set; of something positive below 2^24.
+HWY_INLINE Lane highest_bit(Lane bits) {
+  const hn::RebindToFloat<Lanes> floats;
+  const auto exponent = hn::ShiftRight<23>(hn::BitCast(kLanes, hn::ConvertTo(floats, bits)));
+  return hn::Sub(exponent, hn::Set(kLanes, 127));
+}
+
+HWY_INLINE Mask at_least(Lane a, Lane b) { return hn::Not(hn::Lt(a, b)); }
+
+HWY_INLINE Lane one_at(Lane bit) {
+  return hn::BitCast(kLanes, hn::Shl(hn::Set(kUnsigned, 1), hn::BitCast(kUnsigned, bit)));
+}
+
+HWY_INLINE Lane lowest_one(Lane bits) { return hn::And(bits, hn::Neg(bits)); }
+
+/// One side, which counts outwards: false where it goes out again after it has come in.
+HWY_INLINE Mask goes_on(Lane at, Lane tolerance, Lane& extreme, Lane& inwards) {
+  const auto is_inwards = hn::MaskFromVec(inwards);
+  const auto turns = hn::AndNot(is_inwards, hn::Lt(at, hn::Sub(extreme, tolerance)));
+  const auto fine = hn::Not(hn::And(is_inwards, hn::Gt(at, hn::Add(extreme, tolerance))));
+  const auto farther = hn::Or(turns, hn::And(is_inwards, hn::Lt(at, extreme)));
+  const auto outer = hn::AndNot(is_inwards, hn::Gt(at, extreme));
+  extreme = hn::IfThenElse(hn::Or(farther, outer), at, extreme);
+  inwards = hn::Or(inwards, hn::VecFromMask(kLanes, turns));
+  return fine;
+}
+
+/// Walks those in the list until none is left.
+void walk_together(const RegionMap& map, Walks& walks, std::size_t count, std::uint8_t* survives) {
+  const std::size_t lanes = hn::Lanes(kLanes);
+  const auto zero = hn::Zero(kLanes);
+  const auto one = hn::Set(kLanes, 1);
+  const auto reach = hn::Set(kLanes, kWalkReach);
+  const auto half = hn::Set(kLanes, kHalf);
+  const auto beyond = hn::Set(kLanes, kHalf >> 2);  // of pixels that don't touch the end
+  const auto touch = hn::Set(kLanes, map.dark ? 1 : 0);
+  const auto flip = hn::Set(kLanes, map.dark ? 0 : -1);
+  const auto stride = hn::Set(kLanes, static_cast<std::int32_t>(map.stride));
+  const auto last = hn::Set(kLanes, map.width - 1);
+  for (int rows = 1; count > 0 && rows < kWalkRows; ++rows) {
+    const auto row_count = hn::Set(kLanes, rows);
+    const auto tolerance = hn::Set(kLanes, walk_tolerance(rows));
+    std::size_t kept = 0;
+    for (std::size_t at = 0; at < count; at += lanes) {
+      const auto real = hn::FirstN(kLanes, count - at);
+      const auto above = load(walks.offset, at);
+      const auto here = hn::Add(above, stride);
+      const auto rows_left = load(walks.rows_left, at);
+      const auto low = hn::Sub(load(walks.left, at), touch);
+      const auto high = hn::Add(load(walks.right, at), touch);
+
+      // The left end: ones up to `low`, or else zeros from there on.
+      const auto around_low = hn::Xor(pixels_from(map.bits, here, hn::Sub(low, reach)), flip);
+      const auto free_out = hn::AndNot(around_low, half);
+      const auto set_in = hn::And(hn::ShiftRight<kWalkReach>(around_low), half);
+      const auto tall_out = hn::And(pixels_from(map.tall, above, hn::Sub(low, reach)), beyond);
+      const auto first_free = highest_bit(hn::Max(free_out, one));
+      const auto left_steps = hn::Sub(highest_bit(lowest_one(hn::Max(set_in, one))),
+                                      hn::Max(hn::Sub(hn::Sub(reach, first_free), one), zero));
+      const auto left = hn::Add(low, left_steps);
+
+      // The right end, from `high` the other way round.
+      const auto around_high = hn::Xor(pixels_from(map.bits, here, hn::Sub(high, reach)), flip);
+      const auto free_right = hn::AndNot(hn::ShiftRight<kWalkReach>(around_high), half);
+      const auto set_left = hn::And(around_high, half);
+      const auto tall_right = hn::And(
+          hn::ShiftRight<kWalkReach + 2>(pixels_from(map.tall, above, hn::Sub(high, reach))),
+          beyond);
+      const auto next_free = hn::IfThenElse(
+          hn::Eq(free_right, zero), hn::Set(kLanes, 1 << kWalkReach), lowest_one(free_right));
+      const auto right_steps = hn::Sub(hn::Max(hn::Sub(highest_bit(next_free), one), zero),
+                                       hn::Sub(reach, highest_bit(hn::Max(set_left, one))));
+      const auto right = hn::Add(high, right_steps);
+
+      // Within reach of both ends there are none of the region's pixels left between them.
+      const auto none = hn::And(hn::Or(hn::Eq(set_in, zero), hn::Eq(set_left, zero)),
+                                hn::Not(hn::Gt(hn::Sub(high, low), reach)));
+      const auto far =
+          hn::AndNot(none, hn::Or(hn::Or(hn::Eq(free_out, zero), hn::Eq(set_in, zero)),
+                                  hn::Or(hn::Eq(free_right, zero), hn::Eq(set_left, zero))));
+      const auto closed = hn::Or(none, hn::AndNot(far, hn::Gt(left, high)));
+      auto least = load(walks.least, at);
+      auto most = load(walks.most, at);
+      const auto columns = hn::Add(hn::Sub(most, least), one);
+      auto area = load(walks.area, at);
+      const auto large =
+          hn::And(at_least(hn::Min(columns, row_count), hn::Set(kLanes, map.least_extent)),
+                  at_least(hn::ShiftLeft<1>(hn::Add(columns, row_count)),
+                           hn::Set(kLanes, map.least_length)));
+      const auto wide = at_least(area, hn::Set(kLanes, map.least_area));
+      area = hn::Add(area, hn::Add(hn::Sub(right, left), one));
+
+      const auto bottom = at_least(row_count, rows_left);
+      // Pixels farther out than the first free one don't count.
+      const auto up_to_free = hn::Sub(hn::ShiftLeft<1>(one_at(first_free)), one);
+      const auto tall_met = hn::Or(hn::AndNot(up_to_free, tall_out),
+                                   hn::And(tall_right, hn::ShiftRight<2>(hn::Sub(next_free, one))));
+      const auto border = hn::Or(hn::Lt(left, one), at_least(right, last));
+      auto left_extreme = load(walks.left_extreme, at);
+      auto right_extreme = load(walks.right_extreme, at);
+      auto left_inwards = load(walks.left_inwards, at);
+      auto right_inwards = load(walks.right_inwards, at);
+      const auto convex = hn::And(goes_on(hn::Neg(left), tolerance, left_extreme, left_inwards),
+                                  goes_on(right, tolerance, right_extreme, right_inwards));
+      least = hn::Min(least, left);
+      most = hn::Max(most, right);
+
+      const auto seen = hn::AndNot(bottom, real);
+      const auto met = hn::AndNot(closed, hn::Ne(tall_met, zero));
+      const auto given_up = hn::Or(border, hn::Not(convex));
+      const auto stays =
+          hn::AndNot(met, hn::And(seen, hn::Or(far, hn::And(closed, hn::And(large, wide)))));
+      const auto walks_on = hn::AndNot(hn::Or(hn::Or(far, closed), hn::Or(given_up, met)), seen);
+      const auto index = load(walks.index, at);
+      alignas(64) std::int32_t who[kMostLanes];
+      const std::size_t staying = hn::CompressStore(index, stays, kLanes, who);
+      for (std::size_t i = 0; i < staying; ++i) survives[who[i]] = 1;
+      hn::CompressStore(here, walks_on, kLanes, walks.offset + kept);
+      hn::CompressStore(rows_left, walks_on, kLanes, walks.rows_left + kept);
+      hn::CompressStore(left, walks_on, kLanes, walks.left + kept);
+      hn::CompressStore(right, walks_on, kLanes, walks.right + kept);
+      hn::CompressStore(left_extreme, walks_on, kLanes, walks.left_extreme + kept);
+      hn::CompressStore(right_extreme, walks_on, kLanes, walks.right_extreme + kept);
+      hn::CompressStore(left_inwards, walks_on, kLanes, walks.left_inwards + kept);
+      hn::CompressStore(right_inwards, walks_on, kLanes, walks.right_inwards + kept);
+      hn::CompressStore(least, walks_on, kLanes, walks.least + kept);
+      hn::CompressStore(most, walks_on, kLanes, walks.most + kept);
+      hn::CompressStore(area, walks_on, kLanes, walks.area + kept);
+      kept += hn::CompressStore(index, walks_on, kLanes, walks.index + kept);
+    }
+    count = kept;
+  }
+  for (std::size_t i = 0; i < count; ++i) survives[walks.index[i]] = 1;
+}
+
+void walk_regions_simd(const RegionMap& map, const RegionStart* starts, std::size_t count,
+                       std::uint8_t* survives) {
+  std::fill_n(survives, count, std::uint8_t{0});
+  Walks walks;
+  for (std::size_t first = 0; first < count; first += kTogether) {
+    const std::size_t together = std::min(kTogether, count - first);
+    // What fills up the last lanes has to be readable.
+    for (std::size_t i = 0; i < together + kMostLanes; ++i) {
+      const RegionStart& start = starts[first + std::min(i, together - 1)];
+      walks.offset[i] = static_cast<std::int32_t>(start.y * map.stride);
+      walks.rows_left[i] = map.height - start.y;
+      walks.left[i] = walks.least[i] = start.left;
+      walks.right[i] = walks.most[i] = walks.right_extreme[i] = start.right;
+      walks.left_extreme[i] = -start.left;
+      walks.area[i] = start.right - start.left + 1;
+      walks.left_inwards[i] = walks.right_inwards[i] = 0;
+      walks.index[i] = static_cast<std::int32_t>(i);
+    }
+    walk_together(map, walks, together, survives + first);
+  }
+}
+
+#endif
+
+}  // namespace harco::detect::kernels::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace harco::detect::kernels {
+namespace {
+
+/// One side, which counts outwards.
+struct Side {
+  int extreme;
+  bool inwards = false;
+
+  /// False where it goes out again after it has come in.
+  bool goes_on(int at, int tolerance) {
+    if (inwards) {
+      const bool fine = at <= extreme + tolerance;
+      extreme = std::min(extreme, at);
+      return fine;
+    }
+    inwards = at < extreme - tolerance;
+    if (inwards || at > extreme) extreme = at;
+    return true;
+  }
+};
+
+std::uint32_t pixels_from(const std::uint8_t* row, int x) {
+  std::uint32_t word = 0;
+  std::memcpy(&word, row + (x >> 3), sizeof word);
+  return word >> (x & 7);
+}
+
+bool survives_walk(const RegionMap& map, const RegionStart& start) {
+  constexpr std::uint32_t kHalfBits = kHalf;
+  const int touch = map.dark ? 1 : 0;
+  const std::uint32_t flip = map.dark ? 0 : ~std::uint32_t{0};
+  int left = start.left, right = start.right;
+  int least = left, most = right;
+  int area = right - left + 1;
+  Side left_side{-left}, right_side{right};
+  for (int rows = 1; rows < kWalkRows; ++rows) {
+    if (start.y + rows >= map.height) return false;
+    const std::uint8_t* row = map.bits + (start.y + rows) * map.stride;
+    const std::uint8_t* tall = map.tall + (start.y + rows - 1) * map.stride;
+    const int low = left - touch, high = right + touch;
+    const std::uint32_t around_low = pixels_from(row, low - kWalkReach) ^ flip;
+    const std::uint32_t around_high = pixels_from(row, high - kWalkReach) ^ flip;
+    const std::uint32_t free_out = ~around_low & kHalfBits;
+    const std::uint32_t set_in = around_low >> kWalkReach & kHalfBits;
+    const std::uint32_t free_right = ~(around_high >> kWalkReach) & kHalfBits;
+    const std::uint32_t set_left = around_high & kHalfBits;
+    const bool none = (set_in == 0 || set_left == 0) && high - low <= kWalkReach;
+    const bool far = !none && (free_out == 0 || set_in == 0 || free_right == 0 || set_left == 0);
+    const int left_ones = std::min(kWalkReach, std::countl_zero(free_out) - (31 - kWalkReach));
+    const int right_ones = std::min(kWalkReach, std::countr_zero(free_right));
+    left = low + std::countr_zero(set_in) - std::max(left_ones - 1, 0);
+    right = high - (std::countl_zero(set_left) - (31 - kWalkReach)) + std::max(right_ones - 1, 0);
+    if (none || (!far && left > high)) {
+      const int columns = most - least + 1;
+      return std::min(rows, columns) >= map.least_extent &&
+             2 * (rows + columns) >= map.least_length && area >= map.least_area;
+    }
+    // The pixel next to the last end may hang on to it.
+    for (int out = 2; out < left_ones; ++out)
+      if ((pixels_from(tall, low - out) & 1) != 0) return false;
+    for (int out = 2; out < right_ones; ++out)
+      if ((pixels_from(tall, high + out) & 1) != 0) return false;
+    if (far) return true;
+    if (left <= 0 || right >= map.width - 1) return false;
+    const int tolerance = walk_tolerance(rows);
+    if (!left_side.goes_on(-left, tolerance) || !right_side.goes_on(right, tolerance)) return false;
+    least = std::min(least, left);
+    most = std::max(most, right);
+    area += right - left + 1;
+  }
+  return true;
+}
+
+}  // namespace
+
+HWY_EXPORT(walk_regions_simd);
+
+void walk_regions(const RegionMap& map, const RegionStart* starts, std::size_t count,
+                  std::uint8_t* survives) {
+  HWY_DYNAMIC_DISPATCH(walk_regions_simd)(map, starts, count, survives);
+}
+
+void walk_regions_scalar(const RegionMap& map, const RegionStart* starts, std::size_t count,
+                         std::uint8_t* survives) {
+  for (std::size_t i = 0; i < count; ++i) survives[i] = survives_walk(map, starts[i]) ? 1 : 0;
+}
+
+}  // namespace harco::detect::kernels
+#endif
