@@ -13,9 +13,11 @@ namespace {
 // Directions clockwise as seen on the screen (y down).
 constexpr std::size_t kRight = 0;
 constexpr std::size_t kDown = 1;
-constexpr std::size_t kLeft = 2;
 constexpr std::array<int, 4> kStepX{1, 0, -1, 0};
 constexpr std::array<int, 4> kStepY{0, 1, 0, -1};
+// From a corner, the pixel on the right-hand side of the way.
+constexpr std::array<int, 4> kDarkX{0, -1, -1, 0};
+constexpr std::array<int, 4> kDarkY{0, 0, -1, -1};
 
 // The four pixels around a corner, as bits.
 constexpr unsigned kNorthWest = 1;
@@ -60,13 +62,6 @@ unsigned two_bits(const std::uint8_t* origin, std::ptrdiff_t bit) {
   return bits >> (bit & 7) & 3U;
 }
 
-double signed_area(const std::vector<Point>& points) {
-  double twice = 0.0;
-  for (std::size_t i = 0, j = points.size() - 1; i < points.size(); j = i++)
-    twice += points[j].x() * points[i].y() - points[i].x() * points[j].y();
-  return 0.5 * twice;
-}
-
 }  // namespace
 
 void BorderFollower::start(const Threshold& threshold, std::size_t level,
@@ -98,8 +93,7 @@ const Contour* BorderFollower::around(const RegionTop& top) {
   // Something about convex is hardly longer around than its bounding box.
   const auto most_steps = static_cast<std::size_t>(3 * (top.columns + top.rows) + 16);
   if (!follow_from_top(from, most_steps) || length_ < least_length_) return nullptr;
-  trace(from);
-  return measure();
+  return measure(from);
 }
 
 const Contour* BorderFollower::next() {
@@ -113,8 +107,7 @@ const Contour* BorderFollower::next() {
       if (visited_.dark(from.x, from.y)) continue;
       follow(from);
       if (length_ < least_length_) continue;
-      trace(from);
-      return measure();
+      return measure(from);
     }
     if (++row_ >= map_->height()) return nullptr;
     starts_.clear();
@@ -122,6 +115,17 @@ const Contour* BorderFollower::next() {
     find_upper_edges();
   }
 }
+
+/// What going on takes of a map.
+struct BorderFollower::Ground {
+  explicit Ground(const DarkMap& map)
+      : bits(reinterpret_cast<const std::uint8_t*>(map.origin())),
+        stride(map.bits_in_row()),
+        move{1, stride, -1, -stride} {}
+  const std::uint8_t* bits;
+  std::ptrdiff_t stride;
+  std::array<std::ptrdiff_t, 4> move;
+};
 
 /// The direction in which to go on from a corner where two dark pixels touch; `at` is the bit of
 /// the pixel on its upper left.
@@ -138,20 +142,23 @@ std::size_t BorderFollower::ask(std::size_t direction, std::ptrdiff_t at) const 
 
 /// Goes around a region of any shape.
 void BorderFollower::follow(const Place& from) {
-  Step step = first_step(from);
+  const Ground ground(*map_);
+  const Step first = first_step(from);
+  Step step = first;
   length_ = 0;
   do {
     // The dark pixel below is the one on the lower right of this corner.
     if (step.direction == kRight) visited_.set(step.at + map_->bits_in_row() + 1);
     if (length_ == way_.size()) way_.resize(2 * way_.size());
     way_[length_++] = static_cast<std::uint8_t>(step.direction);
-    go_on(step);
-  } while (step != first_step(from));
+    go_on(ground, step);
+  } while (step != first);
 }
 
 /// Goes around a region from its first corner, row by row. False if it turns out not to be the
 /// first, or if it takes more steps.
 bool BorderFollower::follow_from_top(const Place& from, std::size_t most_steps) {
+  const Ground ground(*map_);
   const Step first = first_step(from);
   Step step = first;
   way_.resize(std::max(way_.size(), most_steps));
@@ -159,7 +166,7 @@ bool BorderFollower::follow_from_top(const Place& from, std::size_t most_steps) 
   do {
     if (length_ == most_steps) return false;
     way_[length_++] = static_cast<std::uint8_t>(step.direction);
-    go_on(step);
+    go_on(ground, step);
     if (step.at < first.at) return false;
   } while (step != first);
   return true;
@@ -169,57 +176,51 @@ BorderFollower::Step BorderFollower::first_step(const Place& from) const {
   return {std::ptrdiff_t{from.y - 1} * map_->bits_in_row() + from.x - 1, from.direction};
 }
 
-void BorderFollower::go_on(Step& step) const {
-  const auto* origin = reinterpret_cast<const std::uint8_t*>(map_->origin());
-  const std::ptrdiff_t stride = map_->bits_in_row();
-  const std::array<std::ptrdiff_t, 4> move{1, stride, -1, -stride};
-  step.at += move[step.direction];
-  const unsigned around = two_bits(origin, step.at) | two_bits(origin, step.at + stride) << 2;
+inline void BorderFollower::go_on(const Ground& ground, Step& step) const {
+  step.at += ground.move[step.direction];
+  const unsigned around =
+      two_bits(ground.bits, step.at) | two_bits(ground.bits, step.at + ground.stride) << 2;
   step.direction = kTurns[step.direction][around];
   if (step.direction >= kAsk) step.direction = ask(step.direction - kAsk, step.at);
 }
 
-/// Lists the corners of pixels on a way.
-void BorderFollower::trace(const Place& from) {
-  xs_.resize(std::max(xs_.size(), length_));
-  ys_.resize(xs_.size());
+/// The contour along the way from `from` on.
+const Contour* BorderFollower::measure(const Place& from) {
+  contour_.points.resize(length_);
   int x = from.x;
   int y = from.y;
-  low_x_ = high_x_ = x;
-  low_y_ = high_y_ = y;
-  for (std::size_t i = 0; i < length_; ++i) {
-    xs_[i] = x;
-    ys_[i] = y;
-    low_x_ = std::min(low_x_, x);
-    high_x_ = std::max(high_x_, x);
-    low_y_ = std::min(low_y_, y);
-    high_y_ = std::max(high_y_, y);
-    x += kStepX[way_[i]];
-    y += kStepY[way_[i]];
-  }
-}
-
-/// The traced way's contour.
-const Contour* BorderFollower::measure() {
-  contour_.at_image_edge =
-      low_x_ == 0 || low_y_ == 0 || high_x_ == map_->width() || high_y_ == map_->height();
-  contour_.points.resize(length_);
+  int low_x = x, high_x = x;
+  int low_y = y, high_y = y;
+  double twice = 0.0;
+  Point before = Point::Zero();
   for (std::size_t i = 0; i < length_; ++i) {
     // The pixels on the right-hand and on the left-hand side of this step.
     const std::size_t direction = way_[i];
-    const int dark_x = xs_[i] - (direction == kDown || direction == kLeft ? 1 : 0);
-    const int dark_y = ys_[i] - (direction >= kLeft ? 1 : 0);
+    const int dark_x = x + kDarkX[direction];
+    const int dark_y = y + kDarkY[direction];
     const int out_x = kStepY[direction];
     const int out_y = -kStepX[direction];
-    const double dark = threshold_->distance(level_, dark_x, dark_y);
-    const double bright = threshold_->distance(level_, dark_x + out_x, dark_y + out_y);
-    const double share = dark / (dark - bright);
-    contour_.points[i] = Point(dark_x + share * out_x, dark_y + share * out_y);
+    const int dark = threshold_->distance_inside(level_, dark_x, dark_y);
+    const int bright = threshold_->distance(level_, dark_x + out_x, dark_y + out_y);
+    const double share = static_cast<double>(dark) / static_cast<double>(dark - bright);
+    const Point point(dark_x + share * out_x, dark_y + share * out_y);
+    twice += before.x() * point.y() - point.x() * before.y();
+    before = point;
+    contour_.points[i] = point;
+    low_x = std::min(low_x, x);
+    high_x = std::max(high_x, x);
+    low_y = std::min(low_y, y);
+    high_y = std::max(high_y, y);
+    x += kStepX[direction];
+    y += kStepY[direction];
   }
+  const Point& start = contour_.points.front();
+  twice += before.x() * start.y() - start.x() * before.y();
+  contour_.at_image_edge =
+      low_x == 0 || low_y == 0 || high_x == map_->width() || high_y == map_->height();
   // Clockwise on the screen, y down, gives a positive area: dark inside bright.
-  const double area = signed_area(contour_.points);
-  contour_.hole = area < 0.0;
-  contour_.area = std::abs(area);
+  contour_.hole = twice < 0.0;
+  contour_.area = 0.5 * std::abs(twice);
   return &contour_;
 }
 

@@ -52,14 +52,14 @@ class BorderFollower {
     bool operator==(const Step&) const = default;
   };
 
+  struct Ground;
   void find_upper_edges();
   std::size_t ask(std::size_t direction, std::ptrdiff_t at) const;
   void follow(const Place& from);
   Step first_step(const Place& from) const;
-  void go_on(Step& step) const;
+  void go_on(const Ground& ground, Step& step) const;
   bool follow_from_top(const Place& from, std::size_t most_steps);
-  void trace(const Place& from);
-  const Contour* measure();
+  const Contour* measure(const Place& from);
 
   const Threshold* threshold_ = nullptr;
   const DarkMap* map_ = nullptr;
@@ -73,8 +73,6 @@ class BorderFollower {
 
   std::vector<std::uint8_t> way_;  // the directions that were gone,
   std::size_t length_ = 0;         // of which there are so many
-  std::vector<int> xs_, ys_;       // the corners on that way
-  int low_x_ = 0, high_x_ = 0, low_y_ = 0, high_y_ = 0;
   Contour contour_;
 };
 

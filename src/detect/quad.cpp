@@ -17,20 +17,27 @@ struct Stretch {
   double deviation = 0.0;
 };
 
+/// Points of a closed contour; indices count on around it once.
+const Point& at(const std::vector<Point>& points, std::size_t i) {
+  return points[i < points.size() ? i : i - points.size()];
+}
+
 Stretch measure(const std::vector<Point>& points, std::size_t from, std::size_t to) {
   Stretch stretch{from, to};
-  const std::size_t n = points.size();
-  const Point& a = points[from % n];
-  const Point chord = points[to % n] - a;
+  const Point a = at(points, from);
+  const Point chord = at(points, to) - a;
   const double length = chord.norm();
+  const bool closed = length <= 1e-9;
+  double most = 0.0;
   for (std::size_t i = from + 1; i < to; ++i) {
-    const Point offset = points[i % n] - a;
-    const double away = length > 1e-9 ? std::abs(cross(chord, offset)) / length : offset.norm();
-    if (away > stretch.deviation) {
-      stretch.deviation = away;
+    const Point offset = at(points, i) - a;
+    const double away = closed ? offset.norm() : std::abs(cross(chord, offset));
+    if (away > most) {
+      most = away;
       stretch.farthest = i;
     }
   }
+  stretch.deviation = closed ? most : most / length;
   return stretch;
 }
 
@@ -55,19 +62,18 @@ struct Line {
 
 /// Total least squares through the inner part of a stretch.
 std::optional<Line> fit_line(const std::vector<Point>& points, std::size_t from, std::size_t to) {
-  const std::size_t n = points.size();
   const std::size_t length = to - from;
   const std::size_t skip = length / 10 + 1;
   if (length < 2 * skip + 3) return std::nullopt;
   Point mean = Point::Zero();
   double count = 0.0;
-  for (std::size_t i = from + skip; i <= to - skip; ++i, count += 1.0) mean += points[i % n];
+  for (std::size_t i = from + skip; i <= to - skip; ++i, count += 1.0) mean += at(points, i);
   mean /= count;
   double xx = 0.0;
   double xy = 0.0;
   double yy = 0.0;
   for (std::size_t i = from + skip; i <= to - skip; ++i) {
-    const Point d = points[i % n] - mean;
+    const Point d = at(points, i) - mean;
     xx += d.x() * d.x();
     xy += d.x() * d.y();
     yy += d.y() * d.y();
@@ -166,7 +172,7 @@ std::optional<Quad> fit_quad(const Contour& contour) {
     const std::size_t from = (*vertices)[i];
     const std::size_t to = i == 3 ? (*vertices)[0] + n : (*vertices)[i + 1];
     const Stretch stretch = measure(points, from, to);
-    const double chord = (points[to % n] - points[from]).norm();
+    const double chord = (at(points, to) - points[from]).norm();
     // Lenses bend long sides, noise ruffles short ones.
     if (stretch.deviation > 1.2 + 0.04 * chord) return std::nullopt;
     const auto line = fit_line(points, from, to);

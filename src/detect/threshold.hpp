@@ -96,6 +96,11 @@ class Threshold {
   /// Valid everywhere, bright outside of the image.
   int distance(std::size_t level, int x, int y) const {
     if (x < 0 || y < 0 || x >= image_.width() || y >= image_.height()) return 1;
+    return distance_inside(level, x, y);
+  }
+
+  /// Of a pixel that lies in the image.
+  int distance_inside(std::size_t level, int x, int y) const {
     const std::size_t tile = tile_of(x, y);
     const int low = near_low_[tile];
     const int contrast = near_high_[tile] - low;
@@ -107,8 +112,8 @@ class Threshold {
   static constexpr int kTile = kernels::kTile;
 
   std::size_t tile_of(int x, int y) const {
-    return static_cast<std::size_t>(y / kTile) * static_cast<std::size_t>(columns_) +
-           static_cast<std::size_t>(x / kTile);
+    return static_cast<std::size_t>(y) / kTile * static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(x) / kTile;
   }
   int least_contrast(std::size_t level) const {
     return std::max(kLevels[level].least_contrast, min_contrast_);
