@@ -172,7 +172,7 @@ bool ConvexRegions::next(RegionTop& top) {
 
 /// Of the rows above, as many as give enough to be walked at the same time. False if none is left.
 bool ConvexRegions::find_survivors() {
-  constexpr std::size_t kEnough = 256;
+  constexpr std::size_t kEnough = 1024;
   starts_.clear();
   next_start_ = 0;
   while (starts_.size() < kEnough && --row_ >= first_row_) {

@@ -44,7 +44,7 @@ constexpr Lanes kLanes;
 constexpr hn::RebindToUnsigned<Lanes> kUnsigned;
 
 /// Regions that are walked together, row by row; who is done leaves the list.
-constexpr std::size_t kTogether = 256;
+constexpr std::size_t kTogether = 1024;
 constexpr std::size_t kMostLanes = HWY_LANES(std::int32_t);
 struct Walks {
   using List = std::int32_t[kTogether + kMostLanes];
@@ -108,6 +108,12 @@ HWY_INLINE Mask goes_on(Lane at, Lane tolerance, Lane& extreme, Lane& inwards) {
   extreme = hn::IfThenElse(hn::Or(farther, outer), at, extreme);
   inwards = hn::Or(inwards, hn::VecFromMask(kLanes, turns));
   return fine;
+}
+
+/// Puts those lanes that go on behind those before them. Whole vectors: storing single lanes is
+/// slow on some machines, and what lies behind has been read.
+HWY_INLINE void store_kept(Lane lanes, Mask kept, std::int32_t* to) {
+  hn::StoreU(hn::Compress(lanes, kept), kLanes, to);
 }
 
 /// Walks those in the list until none is left.
@@ -198,20 +204,22 @@ void walk_together(const RegionMap& map, Walks& walks, std::size_t count, std::u
       const auto walks_on = hn::AndNot(hn::Or(hn::Or(far, closed), hn::Or(given_up, met)), seen);
       const auto index = load(walks.index, at);
       alignas(64) std::int32_t who[kMostLanes];
-      const std::size_t staying = hn::CompressStore(index, stays, kLanes, who);
+      store_kept(index, stays, who);
+      const std::size_t staying = hn::CountTrue(kLanes, stays);
       for (std::size_t i = 0; i < staying; ++i) survives[who[i]] = 1;
-      hn::CompressStore(here, walks_on, kLanes, walks.offset + kept);
-      hn::CompressStore(rows_left, walks_on, kLanes, walks.rows_left + kept);
-      hn::CompressStore(left, walks_on, kLanes, walks.left + kept);
-      hn::CompressStore(right, walks_on, kLanes, walks.right + kept);
-      hn::CompressStore(left_extreme, walks_on, kLanes, walks.left_extreme + kept);
-      hn::CompressStore(right_extreme, walks_on, kLanes, walks.right_extreme + kept);
-      hn::CompressStore(left_inwards, walks_on, kLanes, walks.left_inwards + kept);
-      hn::CompressStore(right_inwards, walks_on, kLanes, walks.right_inwards + kept);
-      hn::CompressStore(least, walks_on, kLanes, walks.least + kept);
-      hn::CompressStore(most, walks_on, kLanes, walks.most + kept);
-      hn::CompressStore(area, walks_on, kLanes, walks.area + kept);
-      kept += hn::CompressStore(index, walks_on, kLanes, walks.index + kept);
+      store_kept(here, walks_on, walks.offset + kept);
+      store_kept(rows_left, walks_on, walks.rows_left + kept);
+      store_kept(left, walks_on, walks.left + kept);
+      store_kept(right, walks_on, walks.right + kept);
+      store_kept(left_extreme, walks_on, walks.left_extreme + kept);
+      store_kept(right_extreme, walks_on, walks.right_extreme + kept);
+      store_kept(left_inwards, walks_on, walks.left_inwards + kept);
+      store_kept(right_inwards, walks_on, walks.right_inwards + kept);
+      store_kept(least, walks_on, walks.least + kept);
+      store_kept(most, walks_on, walks.most + kept);
+      store_kept(area, walks_on, walks.area + kept);
+      store_kept(index, walks_on, walks.index + kept);
+      kept += hn::CountTrue(kLanes, walks_on);
     }
     count = kept;
   }
