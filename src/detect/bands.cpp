@@ -85,7 +85,7 @@ Unknowns first_guess(const Profile& mean, double first, double step, const Bands
 }  // namespace
 
 std::optional<EdgeFilter> fit_bands(const Profile& mean, double first, double step,
-                                    const Bands& bands) {
+                                    const Bands& bands, const EdgeFilter* start) {
   constexpr int kIterations = 8;
   constexpr double kSettled = 1e-3;  // pixels
   const Unknowns expected = first_guess(mean, first, step, bands);
@@ -96,7 +96,7 @@ std::optional<EdgeFilter> fit_bands(const Profile& mean, double first, double st
   trust(kLight) = 1.0 / (bands.light_spread * bands.light_spread + 1e-12);
   trust(kFirst) = 1.0 / (bands.first_spread * bands.first_spread + 1e-6);
 
-  Unknowns unknowns = expected;
+  Unknowns unknowns = start ? start->fitted : expected;
   Profile profile(mean.size()), by_last(mean.size());
   Jacobian jacobian(mean.size(), expected.size());
   Eigen::LDLT<Normal> factored;
@@ -120,6 +120,7 @@ std::optional<EdgeFilter> fit_bands(const Profile& mean, double first, double st
       filter.offset = unknowns(kOffset);
       filter.sigma = std::exp(unknowns(kBlur));
       filter.expected = profile;
+      filter.fitted = unknowns;
       Unknowns offset = Unknowns::Zero(expected.size());
       offset(kOffset) = 1.0;
       filter.weights = jacobian * factored.solve(offset);

@@ -30,13 +30,16 @@ struct EdgeFilter {
   double by_last = 0.0;  ///< change of the measure when the last border moves outwards by a pixel
   Profile expected;      ///< the mean profile as the bands explain it
   Profile weights;
+  /// What was fitted, for another fit that starts from there.
+  Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 8, 1> fitted;
 
   double position(const Profile& profile) const { return offset + weights.dot(profile - expected); }
 };
 
 /// Fits the offset of all borders, their Gaussian blur and the bands' levels to a profile whose
-/// sample k lies at first + k * step. Empty if no offset of up to a pixel explains it.
+/// sample k lies at first + k * step. Starts from what was fitted to about the same profile, if
+/// that is given. Empty if no offset of up to a pixel explains it.
 std::optional<EdgeFilter> fit_bands(const Profile& mean, double first, double step,
-                                    const Bands& bands);
+                                    const Bands& bands, const EdgeFilter* start = nullptr);
 
 }  // namespace harco::detect

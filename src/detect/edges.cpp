@@ -15,6 +15,7 @@ namespace harco::detect {
 namespace {
 
 constexpr int kMaxPositions = 96;     // along a side
+constexpr int kFewPositions = 32;     // enough to decode by
 constexpr int kMaxReach = 22;         // half-pixel steps across it, on one side
 constexpr double kStep = 0.5;         // pixels, across
 constexpr double kMinContrast = 8.0;  // grey levels between dark and bright
@@ -78,8 +79,31 @@ struct Window {
 
 int steps(double pixels) { return std::clamp(static_cast<int>(pixels / kStep), 2, kMaxReach); }
 
+/// The greys of one profile; false if it isn't all in the image.
+bool read_profile(const ImageView& image, const Lens& lens, const Point& middle,
+                  const Point& outward, const Window& window,
+                  std::array<double, kMaxAcross>& grey) {
+  const auto place = [&](int k) -> Point { return middle + (k * kStep) * outward; };
+  const auto inside = [&](const Point& at) { return between_pixels(image, at.x(), at.y()); };
+  if (!lens.bends()) {
+    if (!inside(place(-window.inward)) || !inside(place(window.outward))) return false;
+    for (int k = -window.inward; k <= window.outward; ++k) {
+      const Point at = place(k);
+      grey[static_cast<std::size_t>(k + window.inward)] = sample_inside(image, at.x(), at.y());
+    }
+    return true;
+  }
+  for (int k = -window.inward; k <= window.outward; ++k) {
+    const auto pixel = lens.from_ideal(place(k));
+    if (!pixel || !inside(*pixel)) return false;
+    grey[static_cast<std::size_t>(k + window.inward)] =
+        sample_inside(image, pixel->x(), pixel->y());
+  }
+  return true;
+}
+
 Profiles read_profiles(const ImageView& image, const Lens& lens, const Point& a, const Point& b,
-                       const Window& window) {
+                       const Window& window, int most) {
   Profiles profiles;
   profiles.inward = window.inward;
   profiles.outward = window.outward;
@@ -89,17 +113,12 @@ Profiles read_profiles(const ImageView& image, const Lens& lens, const Point& a,
   // Near the corners the other side's edge would be seen as well.
   const double margin = std::min(0.25 * length, 0.06 * length + 1.5);
   const double usable = length - 2.0 * margin;
-  const int positions = std::clamp(static_cast<int>(usable), 4, kMaxPositions);
+  const int positions = std::clamp(static_cast<int>(usable), 4, most);
   for (int i = 0; i < positions; ++i) {
     const double t = margin + usable * (i + 0.5) / positions;
-    auto& grey = profiles.grey[static_cast<std::size_t>(profiles.count)];
-    bool whole = true;
-    for (int k = -window.inward; k <= window.outward && whole; ++k) {
-      const auto pixel = lens.from_ideal(a + t * direction + (k * kStep) * outward);
-      const auto value = pixel ? sample(image, pixel->x(), pixel->y()) : std::nullopt;
-      whole = value.has_value();
-      if (whole) grey[static_cast<std::size_t>(k + window.inward)] = *value;
-    }
+    const Point middle = a + t * direction;
+    const bool whole = read_profile(image, lens, middle, outward, window,
+                                    profiles.grey[static_cast<std::size_t>(profiles.count)]);
     if (whole) profiles.along[static_cast<std::size_t>(profiles.count++)] = t - 0.5 * length;
   }
   return profiles;
@@ -240,12 +259,14 @@ EdgePoints locate_child_edge(const ImageView& image, const Lens& lens, const Poi
       4.5;  // pixels; a line this wide is dark in its middle, whatever the blur
   if (line >= kThin) {
     const int steps_in_line = steps(std::min(reach, line - 2.5 * kBlur));
-    return locate_steps(read_profiles(image, lens, a, b, {steps(reach), steps_in_line}),
-                        steps_in_line, true);
+    return locate_steps(
+        read_profiles(image, lens, a, b, {steps(reach), steps_in_line}, kFewPositions),
+        steps_in_line, true);
   }
   const int inward = steps(std::clamp(0.5 * band, 1.0, 2.5));
-  const Profiles profiles = read_profiles(
-      image, lens, a, b, {inward, inward + static_cast<int>(std::lround(line / kStep))});
+  const Profiles profiles =
+      read_profiles(image, lens, a, b,
+                    {inward, inward + static_cast<int>(std::lround(line / kStep))}, kFewPositions);
   if (profiles.count < 4) return {};
   double darkest = 255.0;
   for (int k = -profiles.inward; k <= profiles.outward; ++k)
@@ -373,7 +394,8 @@ std::optional<FittedLine> fit_side(const ImageView& image, const Lens& lens, con
     points = locate_child_edge(image, lens, a, b, band, width);
   } else {
     const int reach = steps(std::clamp(0.45 * band, 1.0, 4.0));
-    points = locate_steps(read_profiles(image, lens, a, b, {reach, reach}), reach, false);
+    points =
+        locate_steps(read_profiles(image, lens, a, b, {reach, reach}, kFewPositions), reach, false);
   }
   auto fitted = fit_points(points, 0.5 * (a + b), (b - a) / length, length);
   if (!fitted) return std::nullopt;
@@ -491,8 +513,8 @@ std::optional<FittedLine> sharpen_side(const ImageView& image, const Lens& lens,
                              : std::clamp(0.8 * widths.band, 1.0, 5.0);
   const bool aligned = along_pixels(a, b);
   const int more = aligned ? 2 : 0;
-  Profiles profiles =
-      read_profiles(image, lens, a, b, {steps(inward) + more, steps(outward) + more});
+  Profiles profiles = read_profiles(image, lens, a, b,
+                                    {steps(inward) + more, steps(outward) + more}, kMaxPositions);
   if (profiles.count < 4) return std::nullopt;
   if (aligned) widen_pixels(profiles);
   const Bands bands = bands_of(profiles, profile, widths.band, widths.line.middle, length);
@@ -500,13 +522,12 @@ std::optional<FittedLine> sharpen_side(const ImageView& image, const Lens& lens,
   std::array<double, kMaxPositions> weights;
   weights.fill(1.0);
   std::optional<FittedLine> line;
-  double sigma = 0.0;
+  std::optional<EdgeFilter> filter;
   // The first round tells which profiles belong.
   for (int round = 0; round < 2; ++round) {
-    const auto filter =
-        fit_bands(mean_profile(profiles, weights), -profiles.inward * kStep, kStep, bands);
+    filter = fit_bands(mean_profile(profiles, weights), -profiles.inward * kStep, kStep, bands,
+                       filter ? &*filter : nullptr);
     if (!filter) return std::nullopt;
-    sigma = filter->sigma;
     EdgePoints points;
     for (int i = 0; i < profiles.count; ++i) {
       const double along = profiles.along[static_cast<std::size_t>(i)];
@@ -519,7 +540,7 @@ std::optional<FittedLine> sharpen_side(const ImageView& image, const Lens& lens,
   }
   line->offset_variance += kShape * kShape + (aligned ? kPixelPhase * kPixelPhase : 0.0);
   // The narrower the bands in units of the blur, the more depends on what it is like.
-  const double narrow = kNarrow * std::exp(-widths.band / (1.8 * sigma));
+  const double narrow = kNarrow * std::exp(-widths.band / (1.8 * filter->sigma));
   line->offset_variance += narrow * narrow;
   return line;
 }

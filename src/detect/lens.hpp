@@ -20,6 +20,9 @@ class Lens {
   /// From now on all pixels, ideal ones too, are counted from this one of the image.
   void count_from(const Eigen::Vector2d& origin) { origin_ = origin; }
 
+  /// Whether pixels and ideal ones differ at all.
+  bool bends() const { return camera_.has_value(); }
+
   /// Empty where the lens model can't be inverted.
   std::optional<Eigen::Vector2d> to_ideal(const Eigen::Vector2d& pixel) const {
     return camera_ ? counted(camera_->to_ideal(pixel + origin_)) : pixel;

@@ -9,10 +9,13 @@
 
 namespace harco::detect {
 
-/// Bilinear interpolation; empty outside of the pixels' centres.
-inline std::optional<double> sample(const ImageView& image, double x, double y) {
-  if (!(x >= 0.0 && y >= 0.0 && x <= image.width() - 1 && y <= image.height() - 1))
-    return std::nullopt;
+/// Whether a point lies between pixels' centres.
+inline bool between_pixels(const ImageView& image, double x, double y) {
+  return x >= 0.0 && y >= 0.0 && x <= image.width() - 1 && y <= image.height() - 1;
+}
+
+/// Bilinear interpolation at a point between pixels' centres.
+inline double sample_inside(const ImageView& image, double x, double y) {
   const int x0 = std::min(static_cast<int>(x), image.width() - 2);
   const int y0 = std::min(static_cast<int>(y), image.height() - 2);
   if (x0 < 0 || y0 < 0) return image(static_cast<int>(x), static_cast<int>(y));  // 1 pixel wide
@@ -23,6 +26,12 @@ inline std::optional<double> sample(const ImageView& image, double x, double y) 
   const double top = upper[0] + fx * (upper[1] - upper[0]);
   const double bottom = lower[0] + fx * (lower[1] - lower[0]);
   return top + fy * (bottom - top);
+}
+
+/// Likewise; empty outside of the pixels' centres.
+inline std::optional<double> sample(const ImageView& image, double x, double y) {
+  if (!between_pixels(image, x, y)) return std::nullopt;
+  return sample_inside(image, x, y);
 }
 
 }  // namespace harco::detect
