@@ -1,6 +1,7 @@
 #include "pose/ambiguity.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -22,14 +23,19 @@ double tukey_loss(double z) {
   return kTukey * kTukey / 3.0 * (1.0 - q * q * q);
 }
 
-double robust_scale(const std::vector<double>& residuals) {
-  constexpr double kRounding = 0.29;  // grey levels
+/// Standard deviation that normal values of such a median size have.
+double median_size(const std::vector<double>& values) {
   std::vector<double> sizes;
-  sizes.reserve(residuals.size());
-  for (const double r : residuals) sizes.push_back(std::abs(r));
+  sizes.reserve(values.size());
+  for (const double value : values) sizes.push_back(std::abs(value));
   const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
   std::nth_element(sizes.begin(), middle, sizes.end());
-  return std::max(kRounding, 1.4826 * *middle);
+  return 1.4826 * *middle;
+}
+
+double robust_scale(const std::vector<double>& residuals) {
+  constexpr double kRounding = 0.29;  // grey levels
+  return std::max(kRounding, median_size(residuals));
 }
 
 /// Where a pixel's ray meets the marker's plane; empty if it doesn't meet its front.
@@ -130,13 +136,17 @@ std::vector<double> whiteness(const InkOutline& outline, const Camera& camera, c
 struct Pixel {
   std::size_t index;  ///< in the frame
   double grey;
-  Vector3d place;  ///< (1, u, v): where on the marker, -1 … 1, for the light
+  Vector3d place;                    ///< (1, u, v): where on the marker, -1 … 1, for the light
+  std::array<std::size_t, 4> nodes;  ///< of the grid of lights, around it
+  std::array<double, 4> shares;      ///< of their lights
 };
 
 std::vector<Pixel> pixels_of(const ImageView& image, const Rect& square, double quiet_m,
                              const Camera& camera, const Isometry3d& pose, const Frame& frame) {
+  constexpr int kNodes = 8;  // pixels between nodes of light
   const double margin = 0.6 * quiet_m;
   const int width = frame.columns * kPatch;
+  const auto in_row = static_cast<std::size_t>(width / kNodes + 2);
   std::vector<Pixel> pixels;
   for (int y = frame.y; y < std::min(frame.y + frame.rows * kPatch, image.height()); ++y)
     for (int x = frame.x; x < std::min(frame.x + width, image.width()); ++x) {
@@ -145,39 +155,111 @@ std::vector<Pixel> pixels_of(const ImageView& image, const Rect& square, double 
           point->y() < square.y0 - margin || point->y() > square.y1 + margin)
         continue;
       const Vector2d place = 2.0 / square.width() * (*point - Vector2d(square.x0, square.y0));
-      pixels.push_back({static_cast<std::size_t>((y - frame.y) * width + x - frame.x),
+      const int dx = x - frame.x, dy = y - frame.y;
+      const std::size_t node =
+          static_cast<std::size_t>(dy / kNodes) * in_row + static_cast<std::size_t>(dx / kNodes);
+      const double right = double(dx % kNodes) / kNodes, below = double(dy % kNodes) / kNodes;
+      pixels.push_back({static_cast<std::size_t>(dy * width + dx),
                         static_cast<double>(image(x, y)),
-                        {1.0, place.x() - 1.0, place.y() - 1.0}});
+                        {1.0, place.x() - 1.0, place.y() - 1.0},
+                        {node, node + 1, node + in_row, node + in_row + 1},
+                        {(1.0 - right) * (1.0 - below), right * (1.0 - below),
+                         (1.0 - right) * below, right * below}});
     }
   return pixels;
 }
 
-/// What the levels of black and white that fit best (Huber's weights) leave of the greys.
-std::vector<double> residuals(const std::vector<Pixel>& pixels, const std::vector<double>& white) {
-  constexpr int kRounds = 3;
-  std::vector<double> result(pixels.size(), 0.0);
-  double limit = std::numeric_limits<double>::infinity();
-  const auto row = [&](const Pixel& pixel) {
+/// A prediction of grey values: levels of black and white, planes over the marker, in a light that
+/// may differ from place to place (shadows), up to what the image can hold.
+class Levels {
+ public:
+  Levels(const std::vector<Pixel>& pixels, const std::vector<double>& white)
+      : pixels_(pixels), white_(white), residuals_(pixels.size(), 0.0) {
+    for (const Pixel& pixel : pixels)
+      gains_.resize(std::max(gains_.size(), pixel.nodes[3] + 1), 1.0);
+  }
+
+  /// What the best of them (Huber's weights) leaves of the greys.
+  const std::vector<double>& residuals() {
+    constexpr int kRounds = 4;
+    for (int round = 0; round < kRounds; ++round) {
+      fit_planes();
+      if (round > 0) fit_gains();
+      limit_ = 1.5 * robust_scale(residuals_);
+    }
+    return residuals_;
+  }
+
+ private:
+  static constexpr double kBrightest = 255.0, kBurnt = 250.0;
+
+  double weight(std::size_t i) const {
+    // What is burnt tells no level.
+    if (pixels_[i].grey >= kBurnt) return 0.0;
+    return 1.0 / std::max(1.0, std::abs(residuals_[i]) / limit_);
+  }
+
+  Vector6d row(const Pixel& pixel) const {
     Vector6d levels;
-    levels << (1.0 - white[pixel.index]) * pixel.place, white[pixel.index] * pixel.place;
+    levels << (1.0 - white_[pixel.index]) * pixel.place, white_[pixel.index] * pixel.place;
     return levels;
-  };
-  for (int round = 0; round < kRounds; ++round) {
+  }
+
+  double gain(const Pixel& pixel) const {
+    double gain = 0.0;
+    for (std::size_t n = 0; n < 4; ++n) gain += pixel.shares[n] * gains_[pixel.nodes[n]];
+    return gain;
+  }
+
+  void fit_planes() {
     Matrix6d normal = 1e-6 * Matrix6d::Identity();
     Vector6d right = Vector6d::Zero();
-    for (std::size_t i = 0; i < pixels.size(); ++i) {
-      const double weight = 1.0 / std::max(1.0, std::abs(result[i]) / limit);
-      const Vector6d at = row(pixels[i]);
-      normal += weight * at * at.transpose();
-      right += weight * pixels[i].grey * at;
+    for (std::size_t i = 0; i < pixels_.size(); ++i) {
+      const Vector6d at = gain(pixels_[i]) * row(pixels_[i]);
+      normal += weight(i) * at * at.transpose();
+      right += weight(i) * pixels_[i].grey * at;
     }
-    const Vector6d levels = normal.ldlt().solve(right);
-    for (std::size_t i = 0; i < pixels.size(); ++i)
-      result[i] = pixels[i].grey - row(pixels[i]).dot(levels);
-    limit = 1.5 * robust_scale(result);
+    planes_ = normal.ldlt().solve(right);
+    update();
   }
-  return result;
-}
+
+  /// As far as they differ by more than noise makes them.
+  void fit_gains() {
+    constexpr double kLeastSpread = 0.003;
+    std::vector<double> seen(gains_.size(), 0.0), expected(gains_.size(), 0.0), apart;
+    for (std::size_t i = 0; i < pixels_.size(); ++i) {
+      const double model = row(pixels_[i]).dot(planes_);
+      for (std::size_t n = 0; n < 4; ++n) {
+        const double share = pixels_[i].shares[n] * weight(i) * model;
+        seen[pixels_[i].nodes[n]] += share * pixels_[i].grey;
+        expected[pixels_[i].nodes[n]] += share * model;
+      }
+    }
+    for (std::size_t b = 0; b < gains_.size(); ++b)
+      if (expected[b] > 0.0) apart.push_back(seen[b] / expected[b] - 1.0);
+    if (apart.empty()) return;
+    const double noise = limit_ / 1.5;
+    const double spread = std::max(kLeastSpread, median_size(apart));
+    for (std::size_t b = 0; b < gains_.size(); ++b) {
+      if (!(expected[b] > 0.0)) continue;
+      const double known = noise * noise / (spread * spread);
+      gains_[b] = (seen[b] + known) / (expected[b] + known);
+    }
+    update();
+  }
+
+  void update() {
+    for (std::size_t i = 0; i < pixels_.size(); ++i)
+      residuals_[i] =
+          pixels_[i].grey - std::min(kBrightest, gain(pixels_[i]) * row(pixels_[i]).dot(planes_));
+  }
+
+  const std::vector<Pixel>& pixels_;
+  const std::vector<double>& white_;
+  std::vector<double> residuals_, gains_;
+  Vector6d planes_ = Vector6d::Zero();
+  double limit_ = std::numeric_limits<double>::infinity();
+};
 
 double loss(const std::vector<double>& residuals, double scale) {
   double sum = 0.0;
@@ -210,9 +292,10 @@ double picture_ratio(const ImageView& image, const InkOutline& outline, double q
   const std::vector<double> white_a = whiteness(outline, camera, a, frame);
   const std::vector<double> white_b = whiteness(outline, camera, b, frame);
   if (pixels.size() < kEnough || white_a.empty() || white_b.empty()) return 0.0;
-  const std::vector<double> left_a = residuals(pixels, white_a);
-  const double scale = robust_scale(left_a);
-  return 0.5 * (loss(residuals(pixels, white_b), scale) - loss(left_a, scale));
+  Levels under_a(pixels, white_a), under_b(pixels, white_b);
+  const std::vector<double>&left_a = under_a.residuals(), &left_b = under_b.residuals();
+  const double scale = std::min(robust_scale(left_a), robust_scale(left_b));
+  return 0.5 * (loss(left_b, scale) - loss(left_a, scale));
 }
 
 double gravity_ratio(const GravityPrior& gravity, const Isometry3d& a, const Isometry3d& b) {

@@ -18,10 +18,10 @@ struct Look {
 };
 
 /// Log-likelihood of the image's grey values around the marker under `a` over that under `b`, each
-/// with its own best levels of black and white, which may vary linearly over the marker. Noise is
-/// taken to be what `a` leaves unexplained; what fits under neither, such as an occluder, counts
-/// for neither. `quiet_m` is the width of the paper around the square. Zero where too little is
-/// seen to tell.
+/// with its own best levels of black and white, which may vary linearly over the marker and, as in
+/// a shadow, from place to place. Noise is taken to be what the better one leaves unexplained; what
+/// fits under neither, such as an occluder, counts for neither. `quiet_m` is the width of the paper
+/// around the square. Zero where too little is seen to tell.
 double picture_ratio(const ImageView& image, const InkOutline& outline, double quiet_m,
                      const Camera& camera, const Look& a, const Look& b);
 

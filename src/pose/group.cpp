@@ -76,7 +76,8 @@ Support support(const std::vector<Observation>& observations, std::size_t seed) 
     double distance = disagreement(pose->camera_T_marker, pose->covariance, observations[i]);
     // Seen from afar, a small marker may look alike in both of its poses.
     if (pose->second)
-      distance = std::min(distance, disagreement(*pose->second, pose->covariance, observations[i]));
+      distance =
+          std::min(distance, disagreement(*pose->second, pose->second_covariance, observations[i]));
     if (distance > kAgree) continue;
     const auto [found, is_new] = best.try_emplace(observations[i].placed, distance, i);
     if (!is_new && distance < found->second.first) found->second = {distance, i};

@@ -130,6 +130,7 @@ std::optional<JointPose> solve_joint(std::span<const Observation> observations) 
   if (other &&
       angle_between(pose.camera_T_marker, other->refined.camera_T_marker) > kSameSolution) {
     pose.second = other->refined.camera_T_marker;
+    pose.second_covariance = other->refined.covariance * widening;
     pose.log_likelihood_ratio = kTrust * 0.5 * std::abs(lead) / widening;
   }
   return pose;

@@ -19,6 +19,7 @@ struct JointPose {
   /// The other solution, and the log-likelihood ratio of the first over it that the corners bear
   /// out.
   std::optional<Eigen::Isometry3d> second;
+  Matrix6d second_covariance = Matrix6d::Zero();
   double log_likelihood_ratio = 0.0;
 };
 

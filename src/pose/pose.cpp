@@ -9,6 +9,7 @@
 #include "pose/ambiguity.hpp"
 #include "pose/group.hpp"
 #include "pose/paper.hpp"
+#include "pose/pose_search.hpp"
 
 namespace harco {
 namespace {
@@ -31,17 +32,29 @@ Pose describe(const Eigen::Isometry3d& camera_T_marker, int parent,
 // nothing for the image to decide.
 constexpr double kExcludedLogRatio = 12.0;
 
-// Of two solutions: an alignment that doesn't explain so much of the pixels, and leaves the corners
-// it came from by more pixels, root mean square, has slid into something else.
-constexpr double kConvincingShare = 0.88, kMostApartPx = 0.35;
+// An alignment that explains so much of the pixels leaves nothing to look for; one that explains
+// less than this is no evidence where corners don't lead to it; noise alone leaves 0.91.
+constexpr double kConvincingShare = 0.86, kPlainShare = 0.88, kLeastShare = 0.65;
+// ... and nor does one that takes all for noise, grey levels.
+constexpr double kMostNoise = 9.0;
+// What agrees with the picture by so much less isn't worth aligning.
+constexpr double kHardlyLess = 0.03;
 
 // Solutions closer than this, in radians, are one.
 constexpr double kSameSolution = 0.005;
 
-/// One of the two solutions, from corners or aligned.
+/// A possible pose: from corners, or aligned.
 struct Solution {
   Eigen::Isometry3d camera_T_marker;
+  Matrix6d covariance;
   std::optional<Alignment> alignment;
+};
+
+/// The likeliest solution and, where there is one, that which comes next.
+struct Verdict {
+  Solution first;
+  std::optional<Solution> second;
+  double ratio = 0.0;  ///< log-likelihood of the first over the second
 };
 
 /// All that the poses of one parent are made from.
@@ -55,22 +68,15 @@ struct Evidence {
   Aligner& aligner;
   std::optional<InkOutline> outline;  ///< there if poses shall be aligned
 
-  Solution solution(const Eigen::Isometry3d& from_corners, const Matrix6d& covariance) const {
-    Solution found{from_corners, std::nullopt};
+  Solution solution(const Eigen::Isometry3d& start, const Matrix6d& covariance) const {
+    Solution found{start, covariance, std::nullopt};
     if (outline)
-      found.alignment = aligner.align(image, *outline, cell_m, camera, from_corners, covariance);
-    if (found.alignment) found.camera_T_marker = found.alignment->camera_T_marker;
+      found.alignment = aligner.align(image, *outline, cell_m, camera, start, covariance);
+    if (found.alignment) {
+      found.camera_T_marker = found.alignment->camera_T_marker;
+      found.covariance = found.alignment->covariance;
+    }
     return found;
-  }
-
-  /// The same where corners leave two solutions: what then slides away from them is none.
-  Solution one_of_two(const Eigen::Isometry3d& from_corners, const Matrix6d& covariance,
-                      const std::vector<Observation>& used) const {
-    const Solution found = solution(from_corners, covariance);
-    const bool stands =
-        !found.alignment || found.alignment->share > kConvincingShare ||
-        reprojection_rms_px(found.camera_T_marker, used, detections, camera) < kMostApartPx;
-    return stands ? found : Solution{from_corners, std::nullopt};
   }
 
   /// Where one of them is aligned at least.
@@ -83,41 +89,90 @@ struct Evidence {
   double gravity(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) const {
     return options.gravity ? gravity_ratio(*options.gravity, a, b) : 0.0;
   }
+
+  /// One more solution, judged by the image and gravity.
+  void weigh(Verdict& verdict, Solution next) const {
+    if (angle_between(verdict.first.camera_T_marker, next.camera_T_marker) < kSameSolution) return;
+    const double lead =
+        picture(next, verdict.first) + gravity(next.camera_T_marker, verdict.first.camera_T_marker);
+    if (lead > 0.0) {
+      verdict.second = std::exchange(verdict.first, std::move(next));
+      verdict.ratio = lead;
+    } else if (!verdict.second || -lead < verdict.ratio) {
+      verdict.second = std::move(next);
+      verdict.ratio = -lead;
+    }
+  }
+
+  bool convinces(const Solution& solution) const {
+    return solution.alignment && solution.alignment->share > kConvincingShare &&
+           solution.alignment->noise < kMostNoise;
+  }
+
+  /// Where alignment from the corners' solutions doesn't convince: others that agree with the
+  /// picture as well.
+  void search(Verdict& verdict, const std::vector<Observation>& used) const {
+    const PoseSearch search(image, *outline, cell_m, camera, used);
+    const Eigen::Isometry3d known = verdict.first.camera_T_marker;
+    const double agreement = search.agreement(known);
+    for (const RoughPose& rough : search.find(known)) {
+      if (rough.agreement < agreement - kHardlyLess) return;
+      Solution found = solution(rough.camera_T_marker, rough.covariance);
+      if (!found.alignment) continue;
+      if (found.alignment->share < kPlainShare) found = again(found);
+      if (found.alignment->share < kLeastShare) continue;
+      weigh(verdict, found);
+      if (convinces(verdict.first)) return;
+    }
+  }
+
+  /// Aligned once more, from where it came to.
+  Solution again(const Solution& aligned) const {
+    const Solution next = solution(aligned.camera_T_marker, aligned.covariance);
+    return next.alignment && next.alignment->share > aligned.alignment->share ? next : aligned;
+  }
 };
 
-/// Alignment replaces the corners' solution where there is one; where two solutions are possible,
-/// the image and gravity are asked.
+/// What the corners leave possible, each solution aligned where it can be.
+Verdict from_corners(const Group& group, const Evidence& evidence) {
+  const JointPose& corners = group.pose;
+  double ratio = corners.log_likelihood_ratio;
+  const bool two =
+      corners.second &&
+      ratio + evidence.gravity(corners.camera_T_marker, *corners.second) < kExcludedLogRatio;
+  if (!two) return {evidence.solution(corners.camera_T_marker, corners.covariance), std::nullopt};
+  Verdict verdict{evidence.solution(corners.camera_T_marker, corners.covariance),
+                  evidence.solution(*corners.second, corners.second_covariance)};
+  Solution &first = verdict.first, &second = *verdict.second;
+  if (angle_between(first.camera_T_marker, second.camera_T_marker) < kSameSolution) {
+    if (!first.alignment) std::swap(first, second);
+    verdict.second.reset();
+    return verdict;
+  }
+  if (first.alignment || second.alignment) ratio = evidence.picture(first, second);
+  ratio += evidence.gravity(first.camera_T_marker, second.camera_T_marker);
+  if (ratio < 0.0) std::swap(first, second);
+  verdict.ratio = std::abs(ratio);
+  return verdict;
+}
+
+/// Alignment replaces the corners' solution where there is one; where several are possible, the
+/// image and gravity are asked.
 Pose joint_pose(const Group& group, const Evidence& evidence) {
   std::vector<Observation> used;
   for (std::size_t k = 0; k < group.members.size(); ++k)
     if (group.pose.used[k]) used.push_back(group.members[k]);
 
-  double ratio = group.pose.log_likelihood_ratio;
-  const bool two =
-      group.pose.second &&
-      ratio + evidence.gravity(group.pose.camera_T_marker, *group.pose.second) < kExcludedLogRatio;
-  Solution first =
-      two ? evidence.one_of_two(group.pose.camera_T_marker, group.pose.covariance, used)
-          : evidence.solution(group.pose.camera_T_marker, group.pose.covariance);
-  std::optional<Solution> second;
-  if (two) second = evidence.one_of_two(*group.pose.second, group.pose.covariance, used);
-  if (second && angle_between(first.camera_T_marker, second->camera_T_marker) < kSameSolution)
-    second.reset();
-  if (second) {
-    if (first.alignment || second->alignment) ratio = evidence.picture(first, *second);
-    ratio += evidence.gravity(first.camera_T_marker, second->camera_T_marker);
-    if (ratio < 0.0) {
-      std::swap(first, *second);
-      ratio = -ratio;
-    }
-  }
+  Verdict verdict = from_corners(group, evidence);
+  if (evidence.outline && !evidence.convinces(verdict.first)) evidence.search(verdict, used);
 
+  const Solution& first = verdict.first;
   Pose pose =
       describe(first.camera_T_marker, evidence.parent, used, evidence.detections, evidence.camera);
-  pose.covariance = first.alignment ? first.alignment->covariance : group.pose.covariance;
+  pose.covariance = first.covariance;
   pose.aligned = first.alignment.has_value();
   if (first.alignment) pose.share_used = first.alignment->share;
-  if (second) add_alternative(pose, second->camera_T_marker, ratio);
+  if (verdict.second) add_alternative(pose, verdict.second->camera_T_marker, verdict.ratio);
   return pose;
 }
 
