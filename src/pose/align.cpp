@@ -40,8 +40,10 @@ using Levels = Eigen::Matrix<double, kLevels, 1>;
 // what all of them do; never more than the most.
 constexpr std::size_t kPlenty = 96, kMostPatches = 192;
 constexpr double kEnough = 0.85;
-// So many make the first, rough step.
-constexpr std::size_t kRoughPatches = 24;
+// So many make the first, rough step, and so many the next ones, until they hardly move.
+constexpr std::size_t kRoughPatches = 24, kSomePatches = 48;
+// A light of its own is fitted to so many samples first.
+constexpr std::size_t kLightSamples = 2500;
 constexpr double kMiddle = 0.5 * (kPatch - 1);  // of a patch
 constexpr std::size_t kLeastSamples = 60;
 // The blur at first, and what it may be: variances in square pixels.
@@ -83,7 +85,7 @@ constexpr double kNearlyBest = 1.5, kMostTrustedPx = 2.5;
 // Alignment may move what it trusts from the start by so many pixels, root mean square.
 constexpr double kMostShiftPx = 1.0;
 // Steps that move the patches by less are the last.
-constexpr double kSettledPx = 0.03;
+constexpr double kSettledPx = 0.05;
 
 /// A pixel position: what it sees, and how that moves.
 struct Node {
@@ -249,7 +251,7 @@ class Aligner::Impl {
     for (const LightModel light : {LightModel::even, LightModel::shadow, LightModel::uneven}) {
       // If all fits but for a little unevenness, it's no shadow.
       if (light == LightModel::shadow && best && best->share > kPlainShare) continue;
-      const std::optional<Alignment> next = run(light, start, start_covariance);
+      const std::optional<Alignment> next = run(light, start, start_covariance, best);
       if (!next) continue;
       if (!best || goodness(*next) > goodness(*best)) best = next;
       if (next->share > kPlainShare && next->evenness < even_enough()) break;
@@ -267,8 +269,10 @@ class Aligner::Impl {
     return found.share / (found.noise * std::sqrt(std::max(1.0, found.evenness)));
   }
 
+  /// `known` is what another light has led to.
   std::optional<Alignment> run(LightModel light, const Isometry3d& start,
-                               const std::optional<Matrix6d>& covariance) {
+                               const std::optional<Matrix6d>& covariance,
+                               const std::optional<Alignment>& known) {
     light_ = light;
     shaded_ = false;
     spread_ = own_lights_ = 0.0;
@@ -276,17 +280,16 @@ class Aligner::Impl {
     oriented_ = framed_ = false;
     centre_.setZero();
     trusted_px_ = kTrustedPx;
-    constexpr int kSteps = 12;
-    constexpr double kSamePlace = 0.3;  // pixels: patches may stay where they are
-    state_ = State{start.linear(), start.translation()};
-    covariance_ = covariance;
+    const Isometry3d& from = known ? known->camera_T_marker : start;
+    state_ = State{from.linear(), from.translation()};
+    covariance_ = known ? known->covariance : covariance;
     if (!lay_patches() || trusted_px_ > kMostTrustedPx) return std::nullopt;
     if (trusted_px_ * trusted_px_ > kFirstVariance) {
       // A pose that is only roughly right is seen better by a blurred eye.
       state_.blur *= trusted_px_ * trusted_px_ / kFirstVariance;
       if (!lay_patches()) return std::nullopt;
     }
-    choose_patches(light == LightModel::even ? kRoughPatches : kMostPatches, 1.0);
+    choose_patches(light == LightModel::even ? kRoughPatches : kPlenty, 1.0);
     if (!linearise() || !first_levels()) return std::nullopt;
     if (light != LightModel::even) {
       shaded_ = first_shadow();
@@ -296,29 +299,43 @@ class Aligner::Impl {
     oriented_ = true;
     if (shaded_) fit_light();
     linearise_levels();
-    std::optional<double> moved = step(Weights::huber);
+    const std::optional<double> moved = step(Weights::huber);
     if (!moved) return std::nullopt;
     oriented_ = has_direction();
-    choose_patches(kMostPatches, kEnough);
+    return settles(*moved) ? finish(start, covariance) : std::nullopt;
+  }
+
+  /// Steps until they hardly move, with some of the patches first, with all that are wanted at
+  /// last. `moved` is by how much the first one did, pixels.
+  bool settles(double moved) {
+    constexpr int kSteps = 10;
+    constexpr double kSamePlace = 0.3;  // pixels: patches may stay where they are
+    constexpr double kNearPx = 0.15;    // steps that move less call for all patches
+    const std::size_t few = light_ == LightModel::even ? kSomePatches : kPlenty;
+    bool finely = false;
     for (int i = 0; i < kSteps; ++i) {
       const bool all = trusted_ == patches_.size();
       const std::size_t before = trusted_;
-      if (all && *moved < kSamePlace && reblurred_ < kSameBlur) {
+      const bool more = !finely && all && moved < kNearPx;
+      finely |= more;
+      if (i > 0 && !more && all && moved < kSamePlace && reblurred_ < kSameBlur) {
         look_again();
       } else {
-        if (!lay_patches()) return std::nullopt;
-        choose_patches(kMostPatches, kEnough);
+        if (!lay_patches()) return false;
+        choose_patches(finely ? kMostPatches : few, kEnough);
+        finely |= order_.size() == patches_.size();
       }
-      if (!linearise()) return std::nullopt;
+      if (!linearise()) return false;
       if (shaded_) fit_light();
       linearise_levels();
-      moved = step(Weights::tukey);
-      if (!moved) return std::nullopt;
+      const std::optional<double> next = step(Weights::tukey);
+      if (!next) return false;
+      moved = *next;
       const bool grown = trusted_ > before;
-      if (*moved < kSettledPx && reblurred_ < kSameBlur && relit_ < kSameLight && !grown)
-        return finish(start, covariance);
+      if (finely && moved < kSettledPx && reblurred_ < kSameBlur && relit_ < kSameLight && !grown)
+        return true;
     }
-    return std::nullopt;
+    return false;
   }
 
   Vector3d centre3() const { return {centre_.x(), centre_.y(), 0.0}; }
@@ -605,7 +622,7 @@ class Aligner::Impl {
         order_.push_back(k);
         all += patches_[k].merit;
       }
-    if (order_.size() <= kRoughPatches) return;
+    if (order_.size() <= kRoughPatches) return spread_order();
     std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
       return patches_[a].merit > patches_[b].merit;
     });
@@ -616,6 +633,16 @@ class Aligner::Impl {
     }
     order_.resize(count);
     std::sort(order_.begin(), order_.end());
+    spread_order();
+  }
+
+  /// So that any head of the list lies all over the marker.
+  void spread_order() {
+    constexpr std::size_t kStride = 5;
+    picked_.assign(order_.begin(), order_.end());
+    std::size_t n = 0;
+    for (std::size_t first = 0; first < kStride; ++first)
+      for (std::size_t k = first; k < picked_.size(); k += kStride) order_[n++] = picked_[k];
   }
 
   // --- what is compared --------------------------------------------------------------------------
@@ -800,6 +827,9 @@ class Aligner::Impl {
     constexpr double kSettled = 1e-4;  // of the misfit
     constexpr double kMostDamping = 1e4;
     light_alone_ = true;
+    const std::size_t all_samples = count_;
+    whole_order_ = order_;
+    keep_head();
     linearise_levels();
     double cost = misfit();
     damping_ = 0.01;
@@ -822,6 +852,16 @@ class Aligner::Impl {
     }
     damping_ = 0.0;
     light_alone_ = false;
+    order_.swap(whole_order_);
+    count_ = all_samples;
+  }
+
+  /// The first patches, as many as light is fitted to.
+  void keep_head() {
+    std::size_t kept = 0;
+    for (count_ = 0; kept < order_.size() && count_ < kLightSamples; ++kept)
+      count_ += patches_[order_[kept]].count;
+    order_.resize(kept);
   }
 
   /// How much steeper than said the shadow's edge is: what fits best of some.
@@ -1427,7 +1467,7 @@ class Aligner::Impl {
   std::vector<Node> nodes_;
   std::vector<std::size_t> picked_;
   std::vector<Patch> patches_;
-  std::vector<std::size_t> order_;
+  std::vector<std::size_t> order_, whole_order_;
   std::size_t trusted_ = 0;
   double trusted_px_ = kTrustedPx;
 

@@ -37,6 +37,8 @@ constexpr double kExcludedLogRatio = 12.0;
 constexpr double kConvincingShare = 0.86, kPlainShare = 0.88, kLeastShare = 0.65;
 // ... and nor does one that takes all for noise, grey levels.
 constexpr double kMostNoise = 9.0;
+// A marker of such a side has corners that tell its tilt.
+constexpr double kPlainPx = 100.0;
 // What agrees with the picture by so much less isn't worth aligning.
 constexpr double kHardlyLess = 0.03;
 
@@ -109,6 +111,16 @@ struct Evidence {
            solution.alignment->noise < kMostNoise;
   }
 
+  /// Large markers' corners don't mislead an alignment.
+  bool doubtful(const Solution& solution, const std::vector<Observation>& used) const {
+    if (convinces(solution)) return false;
+    const auto larger = [](const Observation& a, const Observation& b) {
+      return a.area_px < b.area_px;
+    };
+    const auto largest = std::max_element(used.begin(), used.end(), larger);
+    return !solution.alignment || largest->area_px < kPlainPx * kPlainPx;
+  }
+
   /// Where alignment from the corners' solutions doesn't convince: others that agree with the
   /// picture as well.
   void search(Verdict& verdict, const std::vector<Observation>& used) const {
@@ -164,7 +176,7 @@ Pose joint_pose(const Group& group, const Evidence& evidence) {
     if (group.pose.used[k]) used.push_back(group.members[k]);
 
   Verdict verdict = from_corners(group, evidence);
-  if (evidence.outline && !evidence.convinces(verdict.first)) evidence.search(verdict, used);
+  if (evidence.outline && evidence.doubtful(verdict.first, used)) evidence.search(verdict, used);
 
   const Solution& first = verdict.first;
   Pose pose =
