@@ -251,10 +251,12 @@ class Aligner::Impl {
     for (const LightModel light : {LightModel::even, LightModel::shadow, LightModel::uneven}) {
       // If all fits but for a little unevenness, it's no shadow.
       if (light == LightModel::shadow && best && best->share > kPlainShare) continue;
-      const std::optional<Alignment> next = run(light, start, start_covariance, best);
+      std::optional<Alignment> next = run(light, start, start_covariance, best);
       if (!next) continue;
+      const bool fits = next->share > kPlainShare && next->evenness < even_enough();
+      next->plain = fits && light == LightModel::even;
       if (!best || goodness(*next) > goodness(*best)) best = next;
-      if (next->share > kPlainShare && next->evenness < even_enough()) break;
+      if (fits) break;
     }
     return best;
   }

@@ -24,6 +24,7 @@ struct Alignment {
   double noise = 0.0;     ///< grey levels, standard deviation of what remains
   double loss = 0.0;      ///< robust squared residuals in units of the noise
   int pixels = 0;         ///< how many were compared
+  bool plain = false;     ///< fits well, in even light
   double evenness = 0.0;  ///< how well patches fit as a whole: 1 for noise alone, more otherwise
 };
 

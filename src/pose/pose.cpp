@@ -39,6 +39,8 @@ constexpr double kConvincingShare = 0.86, kPlainShare = 0.88, kLeastShare = 0.65
 constexpr double kMostNoise = 9.0;
 // A marker of such a side has corners that tell its tilt.
 constexpr double kPlainPx = 100.0;
+// Corners that are told apart by more than this, root mean square, tell two poses apart.
+constexpr double kMirroredPx = 1.0;
 // What agrees with the picture by so much less isn't worth aligning.
 constexpr double kHardlyLess = 0.03;
 
@@ -111,31 +113,36 @@ struct Evidence {
            solution.alignment->noise < kMostNoise;
   }
 
-  /// Large markers' corners don't mislead an alignment.
-  bool doubtful(const Solution& solution, const std::vector<Observation>& used) const {
-    if (convinces(solution)) return false;
-    const auto larger = [](const Observation& a, const Observation& b) {
-      return a.area_px < b.area_px;
-    };
-    const auto largest = std::max_element(used.begin(), used.end(), larger);
-    return !solution.alignment || largest->area_px < kPlainPx * kPlainPx;
-  }
-
   /// Where alignment from the corners' solutions doesn't convince: others that agree with the
-  /// picture as well.
+  /// picture as well. Corners of large markers, once aligned, don't mislead.
   void search(Verdict& verdict, const std::vector<Observation>& used) const {
+    const std::optional<Alignment>& aligned = verdict.first.alignment;
+    if (aligned && (aligned->plain || largest_px2(used) > kPlainPx * kPlainPx)) return;
     const PoseSearch search(image, *outline, cell_m, camera, used);
+    if (aligned && !verdict.second)
+      if (const auto other = search.mirrored(verdict.first.camera_T_marker, kMirroredPx))
+        weigh_aligned(verdict, *other);
+    if (convinces(verdict.first)) return;
     const Eigen::Isometry3d known = verdict.first.camera_T_marker;
     const double agreement = search.agreement(known);
     for (const RoughPose& rough : search.find(known)) {
       if (rough.agreement < agreement - kHardlyLess) return;
-      Solution found = solution(rough.camera_T_marker, rough.covariance);
-      if (!found.alignment) continue;
-      if (found.alignment->share < kPlainShare) found = again(found);
-      if (found.alignment->share < kLeastShare) continue;
-      weigh(verdict, found);
+      weigh_aligned(verdict, rough);
       if (convinces(verdict.first)) return;
     }
+  }
+
+  void weigh_aligned(Verdict& verdict, const RoughPose& rough) const {
+    Solution found = solution(rough.camera_T_marker, rough.covariance);
+    if (!found.alignment) return;
+    if (found.alignment->share < kPlainShare) found = again(found);
+    if (found.alignment->share > kLeastShare) weigh(verdict, found);
+  }
+
+  static double largest_px2(const std::vector<Observation>& used) {
+    double largest = 0.0;
+    for (const Observation& seen : used) largest = std::max(largest, seen.area_px);
+    return largest;
   }
 
   /// Aligned once more, from where it came to.
@@ -176,7 +183,7 @@ Pose joint_pose(const Group& group, const Evidence& evidence) {
     if (group.pose.used[k]) used.push_back(group.members[k]);
 
   Verdict verdict = from_corners(group, evidence);
-  if (evidence.outline && evidence.doubtful(verdict.first, used)) evidence.search(verdict, used);
+  if (evidence.outline) evidence.search(verdict, used);
 
   const Solution& first = verdict.first;
   Pose pose =

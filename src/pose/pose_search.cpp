@@ -9,6 +9,7 @@
 #include <Eigen/Cholesky>
 
 #include "pose/ambiguity.hpp"
+#include "pose/planar.hpp"
 #include "pose/refine.hpp"
 
 namespace harco {
@@ -120,6 +121,29 @@ double PoseSearch::agreement(const Isometry3d& pose, std::size_t stride) const {
   const float of_white = n * ww - w * w, of_grey = n * gg - g * g;
   if (!(of_white > 0.0F && of_grey > 0.0F)) return 0.0;
   return static_cast<double>((n * gw - w * g) / std::sqrt(of_white * of_grey));
+}
+
+std::optional<RoughPose> PoseSearch::mirrored(const Isometry3d& camera_T_marker,
+                                              double most_px) const {
+  const auto count = 4 * static_cast<Eigen::Index>(seen_.size());
+  Eigen::Matrix2Xd plane(2, count), image(2, count);
+  const auto seen_by = [&](const Isometry3d& pose, Eigen::Index i) -> Vector2d {
+    return (pose * Vector3d(plane(0, i), plane(1, i), 0.0)).hnormalized();
+  };
+  for (Eigen::Index i = 0; i < count; ++i) {
+    plane.col(i) = seen_[static_cast<std::size_t>(i / 4)].plane.col(i % 4);
+    image.col(i) = seen_by(camera_T_marker, i);
+  }
+  const PlanarPoses both = planar_poses(plane, image);
+  const auto away = [&](std::size_t k) {
+    return angle_between(both.camera_T_plane[k], camera_T_marker);
+  };
+  const Isometry3d& other = both.camera_T_plane[away(0) > away(1) ? 0 : 1];
+  double apart = 0.0;
+  for (Eigen::Index i = 0; i < count; ++i)
+    apart += (seen_by(other, i) - image.col(i)).squaredNorm() / static_cast<double>(2 * count);
+  if (camera_.fx * std::sqrt(apart) > most_px) return std::nullopt;
+  return RoughPose{other, covariance(other), agreement(other)};
 }
 
 std::vector<RoughPose> PoseSearch::find(const Isometry3d& start) const {

@@ -34,6 +34,10 @@ class PoseSearch {
   /// Correlation of the image's grey values with the marker's colours; 0 if too little is in view.
   double agreement(const Eigen::Isometry3d& camera_T_marker) const;
 
+  /// The other pose under which the corners of what is seen are nearly where this one has them;
+  /// empty if they tell the two apart by more than `most_px`, root mean square.
+  std::optional<RoughPose> mirrored(const Eigen::Isometry3d& camera_T_marker, double most_px) const;
+
   /// Poses that agree well, best first, a few at most, each in a neighbourhood of its own. They are
   /// looked for at all tilts, from `start`, near where the corners of `seen` put the marker; those
   /// may be wrong by a share of their marker's side.
