@@ -42,6 +42,8 @@ constexpr std::size_t kPlenty = 96, kMostPatches = 192;
 constexpr double kEnough = 0.85;
 // So many make the first, rough step, and so many the next ones, until they hardly move.
 constexpr std::size_t kRoughPatches = 24, kSomePatches = 48;
+// Between refills, alignments may look at so many samples, each as often as it is looked at.
+constexpr std::size_t kMostLooks = 200000;
 // A light of its own is fitted to so many samples first.
 constexpr std::size_t kLightSamples = 2500;
 constexpr double kMiddle = 0.5 * (kPatch - 1);  // of a patch
@@ -249,6 +251,7 @@ class Aligner::Impl {
     camera_ = camera;
     std::optional<Alignment> best;
     for (const LightModel light : {LightModel::even, LightModel::shadow, LightModel::uneven}) {
+      if (spent() && best) break;
       // If all fits but for a little unevenness, it's no shadow.
       if (light == LightModel::shadow && best && best->share > kPlainShare) continue;
       std::optional<Alignment> next = run(light, start, start_covariance, best);
@@ -261,7 +264,11 @@ class Aligner::Impl {
     return best;
   }
 
+  void refill() { looks_ = 0; }
+
  private:
+  bool spent() const { return looks_ > kMostLooks; }
+
   double even_enough() const {
     const double chance = kEvenByChance / std::sqrt(static_cast<double>(order_.size()));
     return std::min(kMostEven, kEven + chance);
@@ -313,9 +320,12 @@ class Aligner::Impl {
     constexpr int kSteps = 10;
     constexpr double kSamePlace = 0.3;  // pixels: patches may stay where they are
     constexpr double kNearPx = 0.15;    // steps that move less call for all patches
+    constexpr int kMostIdle = 3;
+    constexpr double kNearer = 0.7;
     const std::size_t few = light_ == LightModel::even ? kSomePatches : kPlenty;
     bool finely = false;
-    for (int i = 0; i < kSteps; ++i) {
+    int idle = 0;  // steps that came no nearer
+    for (int i = 0; i < kSteps && idle < kMostIdle && !spent(); ++i) {
       const bool all = trusted_ == patches_.size();
       const std::size_t before = trusted_;
       const bool more = !finely && all && moved < kNearPx;
@@ -332,8 +342,9 @@ class Aligner::Impl {
       linearise_levels();
       const std::optional<double> next = step(Weights::tukey);
       if (!next) return false;
-      moved = *next;
       const bool grown = trusted_ > before;
+      idle += !grown && !more && *next > kNearer * moved ? 1 : 0;
+      moved = *next;
       if (finely && moved < kSettledPx && reblurred_ < kSameBlur && relit_ < kSameLight && !grown)
         return true;
     }
@@ -653,6 +664,7 @@ class Aligner::Impl {
     count_ = 0;
     clipped_.clear();
     for (const std::size_t k : order_) sample(patches_[k]);
+    looks_ += count_;
     return count_ >= kLeastSamples;
   }
 
@@ -839,6 +851,7 @@ class Aligner::Impl {
       const State before = state_;
       const std::optional<Row> move = solve(Weights::huber);
       if (move) take_light(*move);
+      looks_ += count_;
       linearise_levels();
       const double next = move ? misfit() : cost;
       if (next < cost) {
@@ -1473,6 +1486,7 @@ class Aligner::Impl {
   std::size_t trusted_ = 0;
   double trusted_px_ = kTrustedPx;
 
+  std::size_t looks_ = 0;  ///< samples looked at since the last refill
   std::size_t count_ = 0;
   std::array<std::vector<float>, kUnknowns> columns_of_rows_;
   std::vector<float> grey_, white_share_, u_, v_, residuals_, pulled_, left_, weights_, weighted_,
@@ -1488,6 +1502,8 @@ Aligner::Aligner() : impl_(std::make_unique<Impl>()) {}
 Aligner::~Aligner() = default;
 Aligner::Aligner(Aligner&&) noexcept = default;
 Aligner& Aligner::operator=(Aligner&&) noexcept = default;
+
+void Aligner::refill() { impl_->refill(); }
 
 std::optional<Alignment> Aligner::align(const ImageView& image, const InkOutline& outline,
                                         double quiet_m, const Camera& camera,

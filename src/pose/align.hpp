@@ -50,6 +50,10 @@ class Aligner {
                                  const Camera& camera, const Eigen::Isometry3d& start,
                                  const std::optional<Matrix6d>& start_covariance);
 
+  /// Bounds the work of all alignments that follow, until it is called again: to some milliseconds.
+  /// What can't be finished is left out.
+  void refill();
+
  private:
   class Impl;
   std::unique_ptr<Impl> impl_;

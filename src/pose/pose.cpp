@@ -123,6 +123,7 @@ struct Evidence {
       if (const auto other = search.mirrored(verdict.first.camera_T_marker, kMirroredPx))
         weigh_aligned(verdict, *other);
     if (convinces(verdict.first)) return;
+    aligner.refill();
     const Eigen::Isometry3d known = verdict.first.camera_T_marker;
     const double agreement = search.agreement(known);
     for (const RoughPose& rough : search.find(known)) {
@@ -135,7 +136,7 @@ struct Evidence {
   void weigh_aligned(Verdict& verdict, const RoughPose& rough) const {
     Solution found = solution(rough.camera_T_marker, rough.covariance);
     if (!found.alignment) return;
-    if (found.alignment->share < kPlainShare) found = again(found);
+    if (!found.alignment->plain) found = again(found);
     if (found.alignment->share > kLeastShare) weigh(verdict, found);
   }
 
@@ -182,6 +183,7 @@ Pose joint_pose(const Group& group, const Evidence& evidence) {
   for (std::size_t k = 0; k < group.members.size(); ++k)
     if (group.pose.used[k]) used.push_back(group.members[k]);
 
+  evidence.aligner.refill();
   Verdict verdict = from_corners(group, evidence);
   if (evidence.outline) evidence.search(verdict, used);
 
