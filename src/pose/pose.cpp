@@ -96,7 +96,10 @@ struct Evidence {
 
   /// One more solution, judged by the image and gravity.
   void weigh(Verdict& verdict, Solution next) const {
-    if (angle_between(verdict.first.camera_T_marker, next.camera_T_marker) < kSameSolution) return;
+    if (angle_between(verdict.first.camera_T_marker, next.camera_T_marker) < kSameSolution) {
+      if (!verdict.first.alignment) verdict.first = std::move(next);
+      return;
+    }
     const double lead =
         picture(next, verdict.first) + gravity(next.camera_T_marker, verdict.first.camera_T_marker);
     if (lead > 0.0) {
