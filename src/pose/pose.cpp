@@ -34,7 +34,7 @@ constexpr double kExcludedLogRatio = 12.0;
 
 // An alignment that explains so much of the pixels leaves nothing to look for; one that explains
 // less than this is no evidence where corners don't lead to it; noise alone leaves 0.91.
-constexpr double kConvincingShare = 0.86, kPlainShare = 0.88, kLeastShare = 0.65;
+constexpr double kConvincingShare = 0.86, kLeastShare = 0.65;
 // ... and nor does one that takes all for noise, grey levels.
 constexpr double kMostNoise = 9.0;
 // A marker of such a side has corners that tell its tilt.

@@ -111,8 +111,8 @@ double PoseSearch::agreement(const Isometry3d& pose, std::size_t stride) const {
     if (!(pixel.x() > -0.5 && pixel.y() > -0.5 && pixel.x() < image_.width() - 0.5 &&
           pixel.y() < image_.height() - 0.5))
       continue;
-    const auto grey = static_cast<float>(
-        image_(static_cast<int>(pixel.x() + 0.5), static_cast<int>(pixel.y() + 0.5)));
+    const Eigen::Array2i at = (pixel.array() + 0.5).cast<int>();
+    const auto grey = static_cast<float>(image_(at.x(), at.y()));
     const float white = probes_[i].white;
     n += 1.0F, w += white, ww += white * white;
     g += grey, gg += grey * grey, gw += grey * white;
