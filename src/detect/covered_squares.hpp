@@ -8,12 +8,12 @@
 #include <Eigen/Core>
 
 #include "detect/contours.hpp"
+#include "detect/pyramid.hpp"
 #include "detect/segments.hpp"
 #include "detect/side_quads.hpp"
 #include "detect/threshold.hpp"
 #include "detect/workers.hpp"
 #include "harco/detect.hpp"
-#include "harco/image.hpp"
 
 namespace harco::detect {
 
@@ -23,12 +23,11 @@ class CoveredSquares {
  public:
   /// The most promising ones, in pixels of the ideal camera. With a calibration, three sides do.
   /// `contrast` (grey levels) has to lie between both sides of what is taken for an edge.
-  std::vector<SideQuad> find(const ImageView& image, double least_side_px, double contrast,
+  std::vector<SideQuad> find(const Pyramid& image, double least_side_px, double contrast,
                              const std::optional<Eigen::Matrix3d>& calibration, Workers& workers,
                              DetectionTrace* trace = nullptr);
 
  private:
-  Image half_;
   Threshold threshold_;
   BorderFollower follower_;
   std::vector<Segment> segments_;

@@ -15,6 +15,7 @@
 #include "detect/edges.hpp"
 #include "detect/lens.hpp"
 #include "detect/prediction.hpp"
+#include "detect/pyramid.hpp"
 #include "detect/quad.hpp"
 #include "detect/recovery.hpp"
 #include "detect/relations.hpp"
@@ -180,6 +181,7 @@ struct Detector::Impl {
   std::vector<bool> explained, present;
   bool explaining = false;  // somebody wants to know what was seen
   DetectorStatistics statistics;
+  detect::Pyramid pyramid;
   detect::CoveredSquares covered;
   std::vector<detect::Recovery> recoveries;  // of each of those who work
 };
@@ -433,6 +435,7 @@ void Detector::Impl::recover(const ImageView& image, DetectionTrace* trace) {
     if (candidate.hole || legible) continue;
     quads.push_back(candidate.corners);
   }
+  pyramid.build(image);
   std::optional<Eigen::Matrix3d> calibration;
   if (options.camera) {
     calibration = options.camera->matrix();
@@ -441,7 +444,7 @@ void Detector::Impl::recover(const ImageView& image, DetectionTrace* trace) {
   const double least_side = std::max(kLeastCoveredSide, options.min_side_px);
   const double contrast = detect::contrast_above_noise(statistics.noise);
   for (const detect::SideQuad& quad :
-       covered.find(image, least_side, contrast, calibration, workers, trace))
+       covered.find(pyramid, least_side, contrast, calibration, workers, trace))
     quads.push_back(quad.corners);
   std::erase_if(quads, [&](const Quad& quad) { return detect::mean_side(quad) < least_side; });
 
@@ -458,7 +461,7 @@ void Detector::Impl::recover(const ImageView& image, DetectionTrace* trace) {
     workers.share(count, [&](std::size_t i, std::size_t worker) {
       recovered[i].reset();
       if (!is_known(quads[first + i]))
-        recovered[i] = recoveries[worker].at(image, lens, quads[first + i]);
+        recovered[i] = recoveries[worker].at(pyramid, lens, quads[first + i]);
     });
     for (std::size_t i = 0; i < count; ++i)
       if (recovered[i] && recovered[i]->quality >= options.min_quality &&

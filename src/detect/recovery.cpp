@@ -22,18 +22,16 @@ using Eigen::Vector3d;
 // tenths covered have.
 constexpr int kLeastSeenAtOnce = 3;  // before the fit to all edges; nine in ten readings have none
 constexpr int kLeastSeen = 4;
-constexpr double kLeastLead = 8.0;
+constexpr double kLeastLead = 16.0;
 constexpr double kLeastSum = 32.0;   // of the lead and twice the edges seen
 constexpr double kLeastShare = 0.1;  // of the edges predicted
-// The marker's picture is compared with the image at kAcross x kAcross points, in blocks.
-constexpr int kAcross = 56;
-constexpr int kBlock = 4;
 // For every cell that shows the other colour, so many must show their own, or such a share of the
 // edges be seen: parts of a pattern that look like the whole reach a fifth.
 constexpr double kLeastShown = 3.0;
 constexpr double kTellingShare = 0.28;
 // So many edges seen are beyond all chance; then only another reading can be in the way.
 constexpr int kTellingEdges = 18;
+constexpr int kTellingCells = 4;
 constexpr double kLeastTellingLead = 5.0;
 // Edges along cells where the marker has none are those of another one. What covers a marker hardly
 // ever ends along a cell.
@@ -42,39 +40,10 @@ constexpr int kMostForeign = 1;
 // unless the edges are beyond doubt.
 constexpr double kLeastCutShare = 0.5;
 // Readings of one square that are held against the image.
+constexpr std::size_t kRanked = 16;
 constexpr std::size_t kReadings = 4;
 // A cell shows its colour if it is off by less than this share of the contrast.
 constexpr double kShows = 0.3;
-
-/// Gaussian blur of `sigma` texels, the border's values going on beyond it.
-void smooth(std::vector<float>& picture, double sigma) {
-  if (sigma < 0.2) return;
-  const int reach = static_cast<int>(std::ceil(2.5 * sigma));
-  std::vector<float> kernel;
-  float sum = 0.0F;
-  for (int k = -reach; k <= reach; ++k) {
-    kernel.push_back(static_cast<float>(std::exp(-0.5 * k * k / (sigma * sigma))));
-    sum += kernel.back();
-  }
-  for (float& weight : kernel) weight /= sum;
-  std::vector<float> once(picture.size());
-  const auto at = [](int row, int column) {
-    return static_cast<std::size_t>(std::clamp(row, 0, kAcross - 1) * kAcross +
-                                    std::clamp(column, 0, kAcross - 1));
-  };
-  const auto pass = [&](const std::vector<float>& from, std::vector<float>& to, int dx, int dy) {
-    for (int row = 0; row < kAcross; ++row)
-      for (int column = 0; column < kAcross; ++column) {
-        float value = 0.0F;
-        for (int k = -reach; k <= reach; ++k)
-          value +=
-              kernel[static_cast<std::size_t>(k + reach)] * from[at(row + k * dy, column + k * dx)];
-        to[at(row, column)] = value;
-      }
-  };
-  pass(picture, once, 1, 0);
-  pass(once, picture, 0, 1);
-}
 
 /// Whether what is seen leaves no corner open, not even one that is covered or out of view.
 bool well_known(const Registration& registration) {
@@ -146,21 +115,34 @@ const Recovery::Description& Recovery::describe(std::size_t parent) {
     const auto index = static_cast<int>(parent);
     const InkMap ink(markers_, index);
     description.edges = edge_template(ink, markers_, index);
-    const double texel = markers_.parents[parent].side_m / kAcross;
-    for (int row = 0; row < kAcross; ++row)
-      for (int column = 0; column < kAcross; ++column)
-        description.picture.push_back(static_cast<float>(ink.white_share(
-            {column * texel, row * texel, (column + 1) * texel, (row + 1) * texel})));
+    description.picture = picture_of(ink);
+    for (const PlacedMarker& marker : placed_)
+      if (marker.parent_index == index && marker.layer == 2) {
+        const double texel = markers_.parents[parent].side_m / kTexelsAcross;
+        description.children.push_back(
+            {marker.origin_m / texel, marker.side_m / texel, marker.code.cells + 2});
+      }
     description.blank = blank_borders(predicted_[static_cast<std::size_t>(placed_of_[parent])],
                                       markers_.parents[parent].marker.code.cells + 2);
   }
   return description;
 }
 
-/// Every reading of the square, best first, by how many cells show what the marker has there.
+/// Leaves the `most` readings of the highest score, best first.
+template <class Score>
+void Recovery::keep_best(std::size_t most, Score score) {
+  const std::size_t count = std::min(most, readings_.size());
+  std::partial_sort(
+      readings_.begin(), readings_.begin() + static_cast<std::ptrdiff_t>(count), readings_.end(),
+      [&](const Reading& a, const Reading& b) { return score(a) > score(b); });
+  readings_.resize(count);
+}
+
+/// The best readings of the square, by how many cells show what the marker has there.
 void Recovery::rank(const ImageView& image, const Lens& lens, const Registration& registration,
                     int cells) {
   const int m = cells + 2;
+  readings_.clear();
   std::vector<double> values;
   for (int row = 0; row < m; ++row)
     for (int column = 0; column < m; ++column) {
@@ -181,7 +163,9 @@ void Recovery::rank(const ImageView& image, const Lens& lens, const Registration
     if (markers_.parents[p].marker.code.cells != cells) continue;
     const std::vector<double>& predicted = predicted_[static_cast<std::size_t>(placed_of_[p])];
     for (int turns = 0; turns < 4; ++turns) {
-      Reading reading{p, turns, 0.0, 0, 0, 0.0};
+      Reading reading;
+      reading.parent = p;
+      reading.turns = turns;
       int shown = 0;
       double sum = 0.0;
       for (int row = 1; row <= cells; ++row)
@@ -211,77 +195,33 @@ void Recovery::rank(const ImageView& image, const Lens& lens, const Registration
       readings_.push_back(reading);
     }
   }
+  keep_best(kRanked, [](const Reading& reading) { return reading.score; });
 }
 
-/// The logarithm of how much more likely the image is with the marker there than with anything:
-/// block by block, what is covered counts for nothing.
-double Recovery::likeness(const ImageView& image, const Lens& lens,
-                          const Registration& registration, const Description& description,
-                          int cells) {
-  // A block is explained if it is off by no more than this, root mean square; one with a pattern
-  // in it hardly ever by chance, an even one easily.
-  constexpr float kExplained = 0.16F;
-  constexpr float kPattern = 0.15F;
-  constexpr double kPatternWorth = 4.0;
-  constexpr double kEvenWorth = 0.5;
-  constexpr double kBlur = 0.8;  // pixels
-  smooth_ = description.picture;
-  smooth(smooth_, kBlur * kAcross / mean_side(corners_of(registration.image_H_unit)));
-  double total = 0.0;
-  // The border ring is the same for all.
-  const int ring = kAcross / cells;
-  for (int top = ring; top < kAcross - ring; top += kBlock)
-    for (int left = ring; left < kAcross - ring; left += kBlock) {
-      float off = 0.0F;
-      float sum = 0.0F;
-      float squares = 0.0F;
-      bool in_view = true;
-      for (int k = 0; k < kBlock * kBlock && in_view; ++k) {
-        const int row = top + k / kBlock;
-        const int column = left + k % kBlock;
-        const Vector2d unit((column + 0.5) / kAcross, (row + 0.5) / kAcross);
-        const Vector3d h = registration.image_H_unit * unit.homogeneous();
-        const auto pixel = lens.from_ideal(h.hnormalized());
-        const auto grey = pixel ? sample(image, pixel->x(), pixel->y()) : std::nullopt;
-        in_view = grey.has_value();
-        if (!in_view) break;
-        const double black = registration.levels.black_at(unit);
-        const double white = registration.levels.white_at(unit);
-        const float predicted = smooth_[static_cast<std::size_t>(row * kAcross + column)];
-        const float away = static_cast<float>((*grey - black) / (white - black)) - predicted;
-        off += away * away;
-        sum += predicted;
-        squares += predicted * predicted;
-      }
-      constexpr float kCount = kBlock * kBlock;
-      if (!in_view || off > kCount * kExplained * kExplained) continue;
-      const bool pattern = squares / kCount - sum * sum / (kCount * kCount) > kPattern * kPattern;
-      total += pattern ? kPatternWorth : kEvenWorth;
-    }
-  return total;
+/// Every reading of the square that its cells suggest, best first, by the marker's picture.
+void Recovery::compare(const Pyramid& image, const Lens& lens, const Registration& registration,
+                       int cells) {
+  unwarp(image, lens, registration, unwarped_);
+  for (int turns = 0; turns < 4; ++turns)
+    turn(unwarped_.texels, turns, turned_[static_cast<std::size_t>(turns)]);
+  for (Reading& reading : readings_) {
+    smooth(describe(reading.parent).picture, unwarped_.blur, smooth_);
+    reading.likeness =
+        likeness(turned_[static_cast<std::size_t>(reading.turns)], smooth_, cells + 2);
+  }
+  keep_best(kReadings, [](const Reading& reading) { return reading.likeness.sum(); });
 }
 
-std::optional<Recovered> Recovery::at(const ImageView& image, const Lens& lens, const Quad& quad) {
+std::optional<Recovered> Recovery::best_reading(const Pyramid& image, const Lens& lens,
+                                                const Quad& quad) {
+  const ImageView whole = image.level(0);
   std::optional<Recovered> best;
-  double best_likeness = 0.0;
-  double next_likeness = 0.0;
+  double next = 0.0;
   for (const int cells : sizes_) {
-    const auto border = fit_border(image, lens, quad, cells + 2);
+    const auto border = fit_border(whole, lens, quad, cells + 2);
     if (!border) continue;
-    readings_.clear();
-    rank(image, lens, *border, cells);
-    const std::size_t count = std::min(kReadings, readings_.size());
-    std::partial_sort(readings_.begin(), readings_.begin() + static_cast<std::ptrdiff_t>(count),
-                      readings_.end(),
-                      [](const Reading& a, const Reading& b) { return a.score > b.score; });
-    readings_.resize(count);
-    // Where no reading fits to begin with, the finest fit of any finds nothing either.
-    const bool promising =
-        std::any_of(readings_.begin(), readings_.end(), [&](const Reading& reading) {
-          return gather(image, lens, describe(reading.parent).edges, turned(*border, reading.turns))
-                     .seen >= kLeastSeenAtOnce;
-        });
-    if (!promising) continue;
+    rank(whole, lens, *border, cells);
+    compare(image, lens, *border, cells);
     for (const Reading& reading : readings_) {
       const Description& description = describe(reading.parent);
       Recovered recovered;
@@ -290,43 +230,55 @@ std::optional<Recovered> Recovery::at(const ImageView& image, const Lens& lens, 
       recovered.wrong_cells = reading.wrong;
       recovered.quality = reading.quality;
       recovered.opposed_cells = reading.opposed;
-      if (!refine(image, lens, description.edges, recovered.registration) ||
+      if (!refine(whole, lens, description.edges, recovered.registration) ||
           !well_known(recovered.registration))
         continue;
-      recovered.evidence = gather(image, lens, description.edges, recovered.registration);
-      const double like = likeness(image, lens, recovered.registration, description, cells + 2);
-      if (!best || like > best_likeness) {
-        next_likeness = best_likeness;
-        best_likeness = like;
+      unwarp(image, lens, recovered.registration, unwarped_);
+      smooth(description.picture, unwarped_.blur, smooth_);
+      recovered.likeness = likeness(unwarped_.texels, smooth_, cells + 2);
+      recovered.votes = cell_votes(unwarped_.texels, smooth_, description.children);
+      const double sum = recovered.likeness.sum();
+      if (!best || sum > best->likeness.sum()) {
+        next = best ? best->likeness.sum() : 0.0;
         best = recovered;
       } else {
-        next_likeness = std::max(next_likeness, like);
+        next = std::max(next, sum);
       }
     }
   }
   if (!best) return std::nullopt;
-  const double lead = best_likeness - next_likeness;
+  best->lead = best->likeness.sum() - next;
   const int parent = placed_[static_cast<std::size_t>(best->placed)].parent_index;
-  const int foreign =
-      gather(image, lens, describe(static_cast<std::size_t>(parent)).blank, best->registration)
-          .seen;
-  if (foreign > kMostForeign) return std::nullopt;
-  const bool telling = best->evidence.seen >= kTellingEdges && foreign == 0 && lead >= kLeastLead;
-  if (cut(image, lens, best->registration) && !telling && best->evidence.share() < kLeastCutShare)
-    return std::nullopt;
+  const Description& description = describe(static_cast<std::size_t>(parent));
+  best->evidence = gather(whole, lens, description.edges, best->registration);
+  best->foreign = gather(whole, lens, description.blank, best->registration).seen;
+  return best;
+}
+
+bool Recovery::borne_out(const ImageView& image, const Lens& lens, const Recovered& best) const {
+  // Children's cells say most: so small a pattern is hardly ever there by chance.
+  const CellVotes& votes = best.votes;
+  if (votes.wrong > 1 && 3 * votes.wrong > votes.confirmed) return false;
+  if (best.foreign > kMostForeign) return false;
+  if (votes.confirmed >= kTellingCells && best.lead >= kLeastLead) return true;
+  const Evidence& evidence = best.evidence;
+  const bool telling =
+      evidence.seen >= kTellingEdges && best.foreign == 0 && best.lead >= kLeastLead;
+  if (cut(image, lens, best.registration) && !telling && evidence.share() < kLeastCutShare)
+    return false;
   // What covers a marker is rarely just as black and white as it. Where many cells show the other
   // colour, another pattern may stand there, or a part of this one: only its edges can tell.
-  const PlacedMarker& marker = placed_[static_cast<std::size_t>(best->placed)];
-  const int shown = marker.code.size() - best->wrong_cells;
-  if (shown < kLeastShown * best->opposed_cells && best->evidence.share() < kTellingShare)
-    return std::nullopt;
-  if (best->evidence.seen >= kTellingEdges) {
-    if (lead < kLeastTellingLead) return std::nullopt;
-    return best;
-  }
-  if (best->evidence.seen < kLeastSeen || best->evidence.share() < kLeastShare ||
-      lead < kLeastLead || lead + 2.0 * best->evidence.seen < kLeastSum)
-    return std::nullopt;
+  const int shown =
+      placed_[static_cast<std::size_t>(best.placed)].code.size() - best.wrong_cells;
+  if (shown < kLeastShown * best.opposed_cells && evidence.share() < kTellingShare) return false;
+  if (evidence.seen >= kTellingEdges) return best.lead >= kLeastTellingLead;
+  return evidence.seen >= kLeastSeen && evidence.share() >= kLeastShare &&
+         best.lead >= kLeastLead && best.lead + 2.0 * evidence.seen >= kLeastSum;
+}
+
+std::optional<Recovered> Recovery::at(const Pyramid& image, const Lens& lens, const Quad& quad) {
+  auto best = best_reading(image, lens, quad);
+  if (best && !borne_out(image.level(0), lens, *best)) best.reset();
   return best;
 }
 

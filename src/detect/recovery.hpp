@@ -2,10 +2,13 @@
 // the edges that are still to be seen.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <vector>
 
 #include "detect/lens.hpp"
+#include "detect/likeness.hpp"
+#include "detect/pyramid.hpp"
 #include "detect/quad.hpp"
 #include "detect/registration.hpp"
 #include "harco/image.hpp"
@@ -18,6 +21,10 @@ struct Recovered {
   int placed = 0;             ///< index into place(markers)
   Registration registration;  ///< of the upright marker
   Evidence evidence;
+  Likeness likeness;
+  CellVotes votes;
+  double lead = 0.0;      ///< of its likeness over the next best reading's
+  int foreign = 0;        ///< edges of another marker
   int wrong_cells = 0;    ///< inner cells that don't show their colour
   int opposed_cells = 0;  ///< of them: those that show the other one
   double quality = 0.0;   ///< agreement of those cells that show black or white, 0 ... 1
@@ -30,28 +37,33 @@ class Recovery {
 
   /// The marker whose border is near `quad` (ideal pixels, right to a few pixels, dark inside);
   /// empty if none of the set is borne out by enough of its edges, or two are.
-  std::optional<Recovered> at(const ImageView& image, const Lens& lens, const Quad& quad);
+  std::optional<Recovered> at(const Pyramid& image, const Lens& lens, const Quad& quad);
 
  private:
   /// What is known of a parent beforehand, made when first needed.
   struct Description {
     std::vector<TemplateEdge> edges;
     std::vector<TemplateEdge> blank;  ///< where it has none, but others may
-    std::vector<float> picture;       ///< whiteness of the square, kAcross x kAcross, row-first
+    Texels picture;
+    std::vector<CellSquare> children;
   };
   /// One of the markers of the set in one of its four turns.
   struct Reading {
-    std::size_t parent;
-    int turns;
-    double score;  ///< the more of its cells show what the marker has there, the higher
-    int wrong;     ///< cells that don't show their colour,
-    int opposed;   ///< of them: those that show the other one
-    double quality;
+    std::size_t parent = 0;
+    int turns = 0;
+    double score = 0.0;  ///< the more of its cells show what the marker has there, the higher
+    int wrong = 0;       ///< cells that don't show their colour,
+    int opposed = 0;     ///< of them: those that show the other one
+    double quality = 0.0;
+    Likeness likeness;
   };
   const Description& describe(std::size_t parent);
   void rank(const ImageView& image, const Lens& lens, const Registration& registration, int cells);
-  double likeness(const ImageView& image, const Lens& lens, const Registration& registration,
-                  const Description& description, int cells);
+  void compare(const Pyramid& image, const Lens& lens, const Registration& registration, int cells);
+  template <class Score>
+  void keep_best(std::size_t most, Score score);
+  std::optional<Recovered> best_reading(const Pyramid& image, const Lens& lens, const Quad& quad);
+  bool borne_out(const ImageView& image, const Lens& lens, const Recovered& best) const;
 
   const MarkerSet& markers_;
   const std::vector<PlacedMarker>& placed_;
@@ -60,7 +72,9 @@ class Recovery {
   std::vector<int> sizes_;      // the different n of parents
   std::vector<Description> descriptions_;
   std::vector<Reading> readings_;
-  std::vector<float> smooth_;  // a picture as blurred as the image, kAcross x kAcross
+  Unwarped unwarped_;
+  std::array<Texels, 4> turned_;
+  Texels smooth_;  // a picture as blurred as the image
 };
 
 }  // namespace harco::detect

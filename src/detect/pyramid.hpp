@@ -1,0 +1,39 @@
+// A picture at its own size, at half of it, at a quarter, and so on.
+#pragma once
+
+#include <array>
+
+#include <Eigen/Core>
+
+#include "harco/image.hpp"
+
+namespace harco::detect {
+
+class Pyramid {
+ public:
+  static constexpr int kLevels = 5;
+
+  /// The pixels have to stay where they are for as long as the pyramid is used.
+  void build(const ImageView& image);
+
+  /// Level 0 is the picture itself; each pixel of a level is the mean of four of the one below.
+  ImageView level(int k) const;
+  int levels() const { return levels_; }  ///< that hold at least one pixel
+
+  /// A point of the picture in pixels of a level, and the other way round.
+  static Eigen::Vector2d in_level(const Eigen::Vector2d& point, int k) {
+    const double pixel = 1 << k;
+    return (point.array() + 0.5).matrix() / pixel - Eigen::Vector2d::Constant(0.5);
+  }
+  static Eigen::Vector2d in_whole(const Eigen::Vector2d& point, int k) {
+    const double pixel = 1 << k;
+    return pixel * (point.array() + 0.5).matrix() - Eigen::Vector2d::Constant(0.5);
+  }
+
+ private:
+  ImageView whole_;
+  std::array<Image, kLevels - 1> smaller_;
+  int levels_ = 0;
+};
+
+}  // namespace harco::detect
