@@ -47,6 +47,8 @@ constexpr double kWrongRingShare = 0.1;
 
 // The smallest side of a partly covered marker, in pixels.
 constexpr double kLeastCoveredSide = 80.0;
+// Squares whose corners lie no farther apart than this share of their side are one.
+constexpr double kSameSquare = 0.02;
 
 const DetectorOptions& checked(const DetectorOptions& options) {
   if (!(options.min_side_px >= 4.0) || !std::isfinite(options.min_side_px))
@@ -448,25 +450,24 @@ void Detector::Impl::recover(const ImageView& image, DetectionTrace* trace) {
     quads.push_back(quad.corners);
   std::erase_if(quads, [&](const Quad& quad) { return detect::mean_side(quad) < least_side; });
 
-  std::vector<Quad> known;
-  const auto is_known = [&](const Quad& quad) {
-    return std::any_of(known.begin(), known.end(), [&](const Quad& one) {
-      return detect::contains(one, detect::centre(quad));
+  quads = detect::different(quads, kSameSquare);
+  std::vector<std::optional<detect::Recovered>> recovered(quads.size());
+  workers.share(quads.size(), [&](std::size_t i, std::size_t worker) {
+    recovered[i] = recoveries[worker].at(pyramid, lens, quads[i]);
+  });
+  std::erase_if(recovered, [&](const auto& one) { return !one || one->quality < options.min_quality; });
+  // Of those that overlap, the one stands that explains most of the image.
+  std::stable_sort(recovered.begin(), recovered.end(), [](const auto& a, const auto& b) {
+    return a->likeness.sum() > b->likeness.sum();
+  });
+  std::vector<Quad> taken;
+  for (const auto& one : recovered) {
+    const Quad corners = detect::corners_of(one->registration.image_H_unit);
+    const bool overlaps = std::any_of(taken.begin(), taken.end(), [&](const Quad& other) {
+      return detect::contains(other, detect::centre(corners)) ||
+             detect::contains(corners, detect::centre(other));
     });
-  };
-  // Some at once; what lies within another one of them is left out afterwards.
-  std::vector<std::optional<detect::Recovered>> recovered(workers.parts());
-  for (std::size_t first = 0; first < quads.size(); first += recovered.size()) {
-    const std::size_t count = std::min(recovered.size(), quads.size() - first);
-    workers.share(count, [&](std::size_t i, std::size_t worker) {
-      recovered[i].reset();
-      if (!is_known(quads[first + i]))
-        recovered[i] = recoveries[worker].at(pyramid, lens, quads[first + i]);
-    });
-    for (std::size_t i = 0; i < count; ++i)
-      if (recovered[i] && recovered[i]->quality >= options.min_quality &&
-          !is_known(quads[first + i]) && add_recovered(*recovered[i]))
-        known.push_back(candidates.back().corners);
+    if (!overlaps && add_recovered(*one)) taken.push_back(corners);
   }
 }
 

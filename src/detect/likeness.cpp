@@ -169,6 +169,8 @@ CellVotes cell_votes(const Texels& image, const Texels& picture,
     };
     for (int row = 1; row < child.cells - 1; ++row)
       for (int column = 1; column < child.cells - 1; ++column) {
+        const float e = expected[cell_at(row, column)];
+        votes.predicted += e < kBlack;
         int agree = 0;
         for (int dy = -1; dy <= 1; ++dy)
           for (int dx = -1; dx <= 1; ++dx)
@@ -178,7 +180,6 @@ CellVotes cell_votes(const Texels& image, const Texels& picture,
             }
         if (agree < kNeighbours) continue;
         const float s = seen[cell_at(row, column)];
-        const float e = expected[cell_at(row, column)];
         if (e < kBlack) {
           votes.confirmed += std::abs(s - e) < kAgree;
           votes.missing += std::abs(s - (1.0F)) < kAgree;

@@ -51,7 +51,8 @@ Likeness likeness(const Texels& image, const Texels& picture, int cells);
 
 /// What the cells of a marker's children say for and against it, where the image shows them.
 struct CellVotes {
-  int confirmed = 0;  ///< black cells that are seen
+  int predicted = 0;  ///< black cells that are large enough to be told from white ones
+  int confirmed = 0;  ///< of them: those that are seen
   int wrong = 0;      ///< black cells that are seen where the marker has white ones
   int missing = 0;    ///< white cells that are seen where it has black ones
 };

@@ -153,6 +153,24 @@ bool contains(const Quad& quad, const Point& point) {
   return true;
 }
 
+std::vector<Quad> different(const std::vector<Quad>& quads, double share) {
+  std::vector<Quad> kept;
+  const auto near = [&](const Quad& a, const Quad& b) {
+    const double most = share * mean_side(a);
+    for (std::size_t first = 0; first < 4; ++first) {
+      bool same = true;
+      for (std::size_t i = 0; i < 4 && same; ++i)
+        same = (a[i] - b[(first + i) % 4]).squaredNorm() < most * most;
+      if (same) return true;
+    }
+    return false;
+  };
+  for (const Quad& quad : quads)
+    if (std::none_of(kept.begin(), kept.end(), [&](const Quad& one) { return near(one, quad); }))
+      kept.push_back(quad);
+  return kept;
+}
+
 std::optional<Point> intersection(const Point& a, const Point& b, const Point& c, const Point& d) {
   const Point u = b - a;
   const Point v = d - c;

@@ -260,7 +260,11 @@ bool Recovery::borne_out(const ImageView& image, const Lens& lens, const Recover
   const CellVotes& votes = best.votes;
   if (votes.wrong > 1 && 3 * votes.wrong > votes.confirmed) return false;
   if (best.foreign > kMostForeign) return false;
-  if (votes.confirmed >= kTellingCells && best.lead >= kLeastLead) return true;
+  if (votes.predicted >= 12) {
+    const double sum = best.lead + 5.0 * votes.confirmed;
+    return (votes.confirmed >= 4 && best.lead >= 16.0 && sum >= 48.0) ||
+           (votes.confirmed >= 3 && sum >= 58.0) || (votes.confirmed >= 2 && best.lead >= 75.0);
+  }
   const Evidence& evidence = best.evidence;
   const bool telling =
       evidence.seen >= kTellingEdges && best.foreign == 0 && best.lead >= kLeastLead;
