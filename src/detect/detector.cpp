@@ -455,7 +455,8 @@ void Detector::Impl::recover(const ImageView& image, DetectionTrace* trace) {
   workers.share(quads.size(), [&](std::size_t i, std::size_t worker) {
     recovered[i] = recoveries[worker].at(pyramid, lens, quads[i]);
   });
-  std::erase_if(recovered, [&](const auto& one) { return !one || one->quality < options.min_quality; });
+  std::erase_if(recovered,
+                [&](const auto& one) { return !one || one->quality < options.min_quality; });
   // Of those that overlap, the one stands that explains most of the image.
   std::stable_sort(recovered.begin(), recovered.end(), [](const auto& a, const auto& b) {
     return a->likeness.sum() > b->likeness.sum();

@@ -25,10 +25,6 @@ constexpr float kPattern = 0.15F;
 constexpr double kLensBlur = 0.6;
 constexpr double kPixelBlur = 0.5;
 
-std::size_t index(int row, int column) {
-  return static_cast<std::size_t>(row * kAcross + column);
-}
-
 }  // namespace
 
 void unwarp(const Pyramid& image, const Lens& lens, const Registration& registration,
@@ -40,22 +36,29 @@ void unwarp(const Pyramid& image, const Lens& lens, const Registration& registra
   const double pixel = 1 << level;
   const ImageView view = image.level(level);
   unwarped.blur = std::hypot(kPixelBlur * pixel, kLensBlur) / texel_px;
-  unwarped.texels.resize(index(kAcross, 0));
-  for (int row = 0; row < kAcross; ++row)
+  unwarped.texels.resize(texel_index(kAcross, 0));
+  const Vector3d right = registration.image_H_unit.col(0) / kAcross;
+  for (int row = 0; row < kAcross; ++row) {
+    const Vector2d first(0.5 / kAcross, (row + 0.5) / kAcross);
+    Vector3d h = registration.image_H_unit * first.homogeneous();
+    // Levels are planes, so along a row they rise evenly.
+    double black = registration.levels.black_at(first);
+    double contrast = registration.levels.white_at(first) - black;
+    const double black_rise = registration.levels.black.y() / kAcross;
+    const double contrast_rise = registration.levels.white.y() / kAcross - black_rise;
+    float* const texels = &unwarped.texels[texel_index(row, 0)];
     for (int column = 0; column < kAcross; ++column) {
-      float& texel = unwarped.texels[index(row, column)];
-      texel = std::numeric_limits<float>::quiet_NaN();
-      const Vector2d unit((column + 0.5) / kAcross, (row + 0.5) / kAcross);
-      const Vector3d h = registration.image_H_unit * unit.homogeneous();
       const auto place = lens.from_ideal(h.hnormalized());
-      if (!place) continue;
-      const Vector2d at = Pyramid::in_level(*place, level);
+      const Vector2d at =
+          place ? Pyramid::in_level(*place, level) : Vector2d(Vector2d::Constant(-1.0));
       const auto grey = sample(view, at.x(), at.y());
-      if (!grey) continue;
-      const double black = registration.levels.black_at(unit);
-      const double white = registration.levels.white_at(unit);
-      texel = static_cast<float>((*grey - black) / (white - black));
+      texels[column] = grey ? static_cast<float>((*grey - black) / contrast)
+                            : std::numeric_limits<float>::quiet_NaN();
+      h += right;
+      black += black_rise;
+      contrast += contrast_rise;
     }
+  }
 }
 
 void turn(const Texels& texels, int turns, Texels& turned) {
@@ -63,23 +66,23 @@ void turn(const Texels& texels, int turns, Texels& turned) {
   turned.resize(texels.size());
   for (int row = 0; row < kAcross; ++row)
     for (int column = 0; column < kAcross; ++column) {
-      const std::size_t from = turns == 0   ? index(row, column)
-                               : turns == 1 ? index(column, kLast - row)
-                               : turns == 2 ? index(kLast - row, kLast - column)
-                                            : index(kLast - column, row);
-      turned[index(row, column)] = texels[from];
+      const std::size_t from = turns == 0   ? texel_index(row, column)
+                               : turns == 1 ? texel_index(column, kLast - row)
+                               : turns == 2 ? texel_index(kLast - row, kLast - column)
+                                            : texel_index(kLast - column, row);
+      turned[texel_index(row, column)] = texels[from];
     }
 }
 
 Texels picture_of(const InkMap& ink) {
   Texels picture;
-  picture.reserve(index(kAcross, 0));
+  picture.reserve(texel_index(kAcross, 0));
   const Rect& square = ink.plan().square;
   const double texel = square.width() / kAcross;
   for (int row = 0; row < kAcross; ++row)
     for (int column = 0; column < kAcross; ++column)
-      picture.push_back(static_cast<float>(ink.white_share(
-          {column * texel, row * texel, (column + 1) * texel, (row + 1) * texel})));
+      picture.push_back(static_cast<float>(
+          ink.white_share({column * texel, row * texel, (column + 1) * texel, (row + 1) * texel})));
   return picture;
 }
 
@@ -92,21 +95,26 @@ void smooth(const Texels& texels, double sigma, Texels& smoothed) {
     sum += kernel.back();
   }
   for (float& weight : kernel) weight /= sum;
-  Texels once(texels.size());
-  const auto pass = [&](const Texels& from, Texels& to, int down, int right) {
-    for (int row = 0; row < kAcross; ++row)
-      for (int column = 0; column < kAcross; ++column) {
-        float value = 0.0F;
-        for (int k = -reach; k <= reach; ++k)
-          value += kernel[static_cast<std::size_t>(k + reach)] *
-                   from[index(std::clamp(row + k * down, 0, kAcross - 1),
-                              std::clamp(column + k * right, 0, kAcross - 1))];
-        to[index(row, column)] = value;
-      }
-  };
-  smoothed.resize(texels.size());
-  pass(texels, once, 0, 1);
-  pass(once, smoothed, 1, 0);
+  // Down the columns, then along the rows; whole rows at a time, which compilers make fast.
+  std::vector<float> row(static_cast<std::size_t>(kAcross + 2 * reach));
+  smoothed.assign(texels.size(), 0.0F);
+  for (int r = 0; r < kAcross; ++r) {
+    std::fill(row.begin(), row.end(), 0.0F);
+    float* const inner = row.data() + reach;
+    for (int k = -reach; k <= reach; ++k) {
+      const float weight = kernel[static_cast<std::size_t>(k + reach)];
+      const float* from = &texels[texel_index(std::clamp(r + k, 0, kAcross - 1), 0)];
+      for (int c = 0; c < kAcross; ++c) inner[c] += weight * from[c];
+    }
+    std::fill(row.begin(), row.begin() + reach, inner[0]);
+    std::fill(row.end() - reach, row.end(), inner[kAcross - 1]);
+    float* const to = &smoothed[texel_index(r, 0)];
+    for (int k = 0; k <= 2 * reach; ++k) {
+      const float weight = kernel[static_cast<std::size_t>(k)];
+      const float* from = row.data() + k;
+      for (int c = 0; c < kAcross; ++c) to[c] += weight * from[c];
+    }
+  }
 }
 
 Likeness likeness(const Texels& image, const Texels& picture, int cells) {
@@ -120,8 +128,8 @@ Likeness likeness(const Texels& image, const Texels& picture, int cells) {
       float squares = 0.0F;
       for (int row = top; row < top + kBlock; ++row)
         for (int column = left; column < left + kBlock; ++column) {
-          const float predicted = picture[index(row, column)];
-          const float away = image[index(row, column)] - predicted;
+          const float predicted = picture[texel_index(row, column)];
+          const float away = image[texel_index(row, column)] - predicted;
           off += away * away;
           sum += predicted;
           squares += predicted * predicted;
@@ -132,63 +140,6 @@ Likeness likeness(const Texels& image, const Texels& picture, int cells) {
       ++(pattern ? total.patterned : total.even);
     }
   return total;
-}
-
-CellVotes cell_votes(const Texels& image, const Texels& picture,
-                     const std::vector<CellSquare>& children) {
-  constexpr float kBlack = 0.42F, kWhite = 0.58F, kAgree = 0.2F;
-  constexpr int kNeighbours = 5;
-  CellVotes votes;
-  for (const CellSquare& child : children) {
-    const double cell = child.side / child.cells;
-    const auto at = [&](const Texels& texels, int row, int column) {
-      float sum = 0.0F;
-      for (const double dy : {-0.2, 0.2})
-        for (const double dx : {-0.2, 0.2}) {
-          const double x = child.origin.x() + (column + 0.5 + dx) * cell - 0.5;
-          const double y = child.origin.y() + (row + 0.5 + dy) * cell - 0.5;
-          const int x0 = std::clamp(static_cast<int>(x), 0, kAcross - 2);
-          const int y0 = std::clamp(static_cast<int>(y), 0, kAcross - 2);
-          const auto fx = static_cast<float>(x - x0);
-          const auto fy = static_cast<float>(y - y0);
-          const float top = texels[index(y0, x0)] * (1 - fx) + fx * texels[index(y0, x0 + 1)];
-          const float low =
-              texels[index(y0 + 1, x0)] * (1 - fx) + fx * texels[index(y0 + 1, x0 + 1)];
-          sum += 0.25F * (top + fy * (low - top));
-        }
-      return sum;
-    };
-    std::vector<float> seen, expected;
-    for (int row = 0; row < child.cells; ++row)
-      for (int column = 0; column < child.cells; ++column) {
-        seen.push_back(at(image, row, column));
-        expected.push_back(at(picture, row, column));
-      }
-    const auto cell_at = [&](int row, int column) {
-      return static_cast<std::size_t>(row * child.cells + column);
-    };
-    for (int row = 1; row < child.cells - 1; ++row)
-      for (int column = 1; column < child.cells - 1; ++column) {
-        const float e = expected[cell_at(row, column)];
-        votes.predicted += e < kBlack;
-        int agree = 0;
-        for (int dy = -1; dy <= 1; ++dy)
-          for (int dx = -1; dx <= 1; ++dx)
-            if (dx != 0 || dy != 0) {
-              const std::size_t i = cell_at(row + dy, column + dx);
-              agree += std::abs(seen[i] - expected[i]) < kAgree;
-            }
-        if (agree < kNeighbours) continue;
-        const float s = seen[cell_at(row, column)];
-        if (e < kBlack) {
-          votes.confirmed += std::abs(s - e) < kAgree;
-          votes.missing += std::abs(s - (1.0F)) < kAgree;
-        } else if (e > kWhite) {
-          votes.wrong += agree > kNeighbours && s < kBlack && s > -kAgree;
-        }
-      }
-  }
-  return votes;
 }
 
 }  // namespace harco::detect

@@ -1,9 +1,8 @@
 // How much an image looks like a marker's picture where it shows the marker at all.
 #pragma once
 
+#include <cstddef>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "detect/lens.hpp"
 #include "detect/pyramid.hpp"
@@ -12,12 +11,15 @@
 
 namespace harco::detect {
 
-/// Texels across a marker's square: several to a child's cell, so that codes of children count. What
-/// covers a marker covers it at every size, so this is enough however large it is seen.
+/// Texels across a marker's square: several to a child's cell, so that codes of children count.
+/// What covers a marker covers it at every size, so this is enough however large it is seen.
 inline constexpr int kTexelsAcross = 128;
 
 /// A square's texels, row-first; black 0 … white 1.
 using Texels = std::vector<float>;
+inline std::size_t texel_index(int row, int column) {
+  return static_cast<std::size_t>(row * kTexelsAcross + column);
+}
 
 /// What the image shows within a square.
 struct Unwarped {
@@ -48,21 +50,5 @@ struct Likeness {
   double sum() const { return 4.0 * patterned + 0.5 * even; }
 };
 Likeness likeness(const Texels& image, const Texels& picture, int cells);
-
-/// What the cells of a marker's children say for and against it, where the image shows them.
-struct CellVotes {
-  int predicted = 0;  ///< black cells that are large enough to be told from white ones
-  int confirmed = 0;  ///< of them: those that are seen
-  int wrong = 0;      ///< black cells that are seen where the marker has white ones
-  int missing = 0;    ///< white cells that are seen where it has black ones
-};
-/// `children` are squares of `cells` x `cells` cells, by their upper left corner and side, in texels.
-struct CellSquare {
-  Eigen::Vector2d origin;
-  double side = 0.0;
-  int cells = 0;
-};
-CellVotes cell_votes(const Texels& image, const Texels& picture,
-                     const std::vector<CellSquare>& children);
 
 }  // namespace harco::detect

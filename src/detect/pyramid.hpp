@@ -22,12 +22,12 @@ class Pyramid {
 
   /// A point of the picture in pixels of a level, and the other way round.
   static Eigen::Vector2d in_level(const Eigen::Vector2d& point, int k) {
-    const double pixel = 1 << k;
-    return (point.array() + 0.5).matrix() / pixel - Eigen::Vector2d::Constant(0.5);
+    const double scale = 1.0 / (1 << k);
+    return ((point.array() + 0.5) * scale - 0.5).matrix();
   }
   static Eigen::Vector2d in_whole(const Eigen::Vector2d& point, int k) {
     const double pixel = 1 << k;
-    return pixel * (point.array() + 0.5).matrix() - Eigen::Vector2d::Constant(0.5);
+    return ((point.array() + 0.5) * pixel - 0.5).matrix();
   }
 
  private:

@@ -19,8 +19,8 @@ Point centre(const Quad& quad);
 bool convex(const Quad& quad);
 bool contains(const Quad& quad, const Point& point);
 
-/// The quads without those that are nearly an earlier one: no corner farther from one of its own, in
-/// order but from wherever it begins, than `share` of the side.
+/// The quads without those that are nearly an earlier one: no corner farther from one of its own,
+/// in order but from wherever it begins, than `share` of the side.
 std::vector<Quad> different(const std::vector<Quad>& quads, double share);
 
 /// Where the line through a, b meets the one through c, d; empty if they are parallel.

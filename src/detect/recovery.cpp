@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -16,32 +17,44 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// What bears a reading out: edges of its picture that are seen, and how much more it looks like the
-// image than the next best reading of the same square. Of six thousand squares in a thousand
-// pictures without a marker none had all of this; half of the markers of 120 pixels with seven
-// tenths covered have.
-constexpr int kLeastSeenAtOnce = 3;  // before the fit to all edges; nine in ten readings have none
-constexpr int kLeastSeen = 4;
+// What bears a reading out. Where its children's cells can be told apart, some black ones of them
+// are seen, few are seen that should be white, and the marker's picture looks more like the image
+// than the next best reading's; the clearer one, the less of the other will do. Of a hundred and
+// fifty squares of another set's markers one has all of this, of markers of which half is covered,
+// all.
+constexpr int kManyCells = 12;  // of black ones in all children: else there is too little to tell
+constexpr int kFewWrong = 1;
+constexpr int kConfirmedPerWrong = 3;
+constexpr int kLeastConfirmed = 2;
 constexpr double kLeastLead = 16.0;
+constexpr double kLeastLeadTimesConfirmed = 110.0;
+// Without children it is edges of the picture that have to be seen. A long lead with a pattern in
+// it and no edge of another marker says it all.
+constexpr double kLongLead = 80.0;
+constexpr int kLongLeadSeen = 5;
+constexpr int kLongLeadPatterned = 15;
+// Else of six thousand squares in a thousand pictures without a marker none had all of this.
+constexpr int kLeastSeen = 4;
 constexpr double kLeastSum = 32.0;   // of the lead and twice the edges seen
 constexpr double kLeastShare = 0.1;  // of the edges predicted
 // For every cell that shows the other colour, so many must show their own, or such a share of the
 // edges be seen: parts of a pattern that look like the whole reach a fifth.
 constexpr double kLeastShown = 3.0;
 constexpr double kTellingShare = 0.28;
-// So many edges seen are beyond all chance; then only another reading can be in the way.
+// So many edges seen are beyond all chance.
 constexpr int kTellingEdges = 18;
-constexpr int kTellingCells = 4;
-constexpr double kLeastTellingLead = 5.0;
 // Edges along cells where the marker has none are those of another one. What covers a marker hardly
 // ever ends along a cell.
 constexpr int kMostForeign = 1;
 // The image's edge covers nothing of what is within: of a square that it cuts, so much is seen,
 // unless the edges are beyond doubt.
 constexpr double kLeastCutShare = 0.5;
-// Readings of one square that are held against the image.
+// Readings of one square whose picture is held against the image, and those whose picture is fitted
+// to it first.
 constexpr std::size_t kRanked = 16;
 constexpr std::size_t kReadings = 4;
+// Blocks with a pattern that the best of them explains before its picture is fitted.
+constexpr int kLeastPatternedAtOnce = 8;
 // A cell shows its colour if it is off by less than this share of the contrast.
 constexpr double kShows = 0.3;
 
@@ -132,9 +145,9 @@ const Recovery::Description& Recovery::describe(std::size_t parent) {
 template <class Score>
 void Recovery::keep_best(std::size_t most, Score score) {
   const std::size_t count = std::min(most, readings_.size());
-  std::partial_sort(
-      readings_.begin(), readings_.begin() + static_cast<std::ptrdiff_t>(count), readings_.end(),
-      [&](const Reading& a, const Reading& b) { return score(a) > score(b); });
+  std::partial_sort(readings_.begin(), readings_.begin() + static_cast<std::ptrdiff_t>(count),
+                    readings_.end(),
+                    [&](const Reading& a, const Reading& b) { return score(a) > score(b); });
   readings_.resize(count);
 }
 
@@ -204,8 +217,15 @@ void Recovery::compare(const Pyramid& image, const Lens& lens, const Registratio
   unwarp(image, lens, registration, unwarped_);
   for (int turns = 0; turns < 4; ++turns)
     turn(unwarped_.texels, turns, turned_[static_cast<std::size_t>(turns)]);
+  // All turns of a parent one after the other: they share its picture.
+  std::sort(readings_.begin(), readings_.end(), [](const Reading& a, const Reading& b) {
+    return std::pair(a.parent, a.turns) < std::pair(b.parent, b.turns);
+  });
+  const Reading* before = nullptr;
   for (Reading& reading : readings_) {
-    smooth(describe(reading.parent).picture, unwarped_.blur, smooth_);
+    if (!before || before->parent != reading.parent)
+      smooth(describe(reading.parent).picture, unwarped_.blur, smooth_);
+    before = &reading;
     reading.likeness =
         likeness(turned_[static_cast<std::size_t>(reading.turns)], smooth_, cells + 2);
   }
@@ -222,6 +242,8 @@ std::optional<Recovered> Recovery::best_reading(const Pyramid& image, const Lens
     if (!border) continue;
     rank(whole, lens, *border, cells);
     compare(image, lens, *border, cells);
+    // Where no reading fits to begin with, the finest fit of any finds nothing either.
+    if (readings_.front().likeness.patterned < kLeastPatternedAtOnce) continue;
     for (const Reading& reading : readings_) {
       const Description& description = describe(reading.parent);
       Recovered recovered;
@@ -231,15 +253,17 @@ std::optional<Recovered> Recovery::best_reading(const Pyramid& image, const Lens
       recovered.quality = reading.quality;
       recovered.opposed_cells = reading.opposed;
       if (!refine(whole, lens, description.edges, recovered.registration) ||
-          !well_known(recovered.registration))
+          !well_known(recovered.registration)) {
+        next = std::max(next, reading.likeness.sum());
         continue;
+      }
       unwarp(image, lens, recovered.registration, unwarped_);
       smooth(description.picture, unwarped_.blur, smooth_);
       recovered.likeness = likeness(unwarped_.texels, smooth_, cells + 2);
       recovered.votes = cell_votes(unwarped_.texels, smooth_, description.children);
       const double sum = recovered.likeness.sum();
       if (!best || sum > best->likeness.sum()) {
-        next = best ? best->likeness.sum() : 0.0;
+        if (best) next = std::max(next, best->likeness.sum());
         best = recovered;
       } else {
         next = std::max(next, sum);
@@ -255,29 +279,33 @@ std::optional<Recovered> Recovery::best_reading(const Pyramid& image, const Lens
   return best;
 }
 
-bool Recovery::borne_out(const ImageView& image, const Lens& lens, const Recovered& best) const {
-  // Children's cells say most: so small a pattern is hardly ever there by chance.
-  const CellVotes& votes = best.votes;
-  if (votes.wrong > 1 && 3 * votes.wrong > votes.confirmed) return false;
-  if (best.foreign > kMostForeign) return false;
-  if (votes.predicted >= 12) {
-    const double sum = best.lead + 5.0 * votes.confirmed;
-    return (votes.confirmed >= 4 && best.lead >= 16.0 && sum >= 48.0) ||
-           (votes.confirmed >= 3 && sum >= 58.0) || (votes.confirmed >= 2 && best.lead >= 75.0);
-  }
-  const Evidence& evidence = best.evidence;
-  const bool telling =
-      evidence.seen >= kTellingEdges && best.foreign == 0 && best.lead >= kLeastLead;
-  if (cut(image, lens, best.registration) && !telling && evidence.share() < kLeastCutShare)
+bool Recovery::borne_out(const ImageView& image, const Lens& lens, const Recovered& reading) const {
+  const CellVotes& votes = reading.votes;
+  if (reading.foreign > kMostForeign || reading.lead < kLeastLead) return false;
+  if (votes.wrong > kFewWrong && kConfirmedPerWrong * votes.wrong > votes.confirmed) return false;
+  if (votes.predicted >= kManyCells)
+    return votes.confirmed >= kLeastConfirmed &&
+           reading.lead * votes.confirmed >= kLeastLeadTimesConfirmed;
+  return borne_out_by_edges(image, lens, reading);
+}
+
+bool Recovery::borne_out_by_edges(const ImageView& image, const Lens& lens,
+                                  const Recovered& reading) const {
+  const Evidence& evidence = reading.evidence;
+  if (reading.foreign == 0 && reading.lead >= kLongLead && evidence.seen >= kLongLeadSeen &&
+      reading.likeness.patterned >= kLongLeadPatterned)
+    return true;
+  const bool telling = evidence.seen >= kTellingEdges && reading.foreign == 0;
+  if (cut(image, lens, reading.registration) && !telling && evidence.share() < kLeastCutShare)
     return false;
   // What covers a marker is rarely just as black and white as it. Where many cells show the other
   // colour, another pattern may stand there, or a part of this one: only its edges can tell.
-  const int shown =
-      placed_[static_cast<std::size_t>(best.placed)].code.size() - best.wrong_cells;
-  if (shown < kLeastShown * best.opposed_cells && evidence.share() < kTellingShare) return false;
-  if (evidence.seen >= kTellingEdges) return best.lead >= kLeastTellingLead;
-  return evidence.seen >= kLeastSeen && evidence.share() >= kLeastShare &&
-         best.lead >= kLeastLead && best.lead + 2.0 * evidence.seen >= kLeastSum;
+  const int cells = placed_[static_cast<std::size_t>(reading.placed)].code.size();
+  const int shown = cells - reading.wrong_cells;
+  if (shown < kLeastShown * reading.opposed_cells && evidence.share() < kTellingShare) return false;
+  return evidence.seen >= kTellingEdges ||
+         (evidence.seen >= kLeastSeen && evidence.share() >= kLeastShare &&
+          reading.lead + 2.0 * evidence.seen >= kLeastSum);
 }
 
 std::optional<Recovered> Recovery::at(const Pyramid& image, const Lens& lens, const Quad& quad) {

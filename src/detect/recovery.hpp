@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "detect/cell_votes.hpp"
 #include "detect/lens.hpp"
 #include "detect/likeness.hpp"
 #include "detect/pyramid.hpp"
@@ -22,9 +23,9 @@ struct Recovered {
   Registration registration;  ///< of the upright marker
   Evidence evidence;
   Likeness likeness;
+  double lead = 0.0;  ///< of the likeness, over the next best reading's of the same square
   CellVotes votes;
-  double lead = 0.0;      ///< of its likeness over the next best reading's
-  int foreign = 0;        ///< edges of another marker
+  int foreign = 0;        ///< edges seen where the marker has none but another one may
   int wrong_cells = 0;    ///< inner cells that don't show their colour
   int opposed_cells = 0;  ///< of them: those that show the other one
   double quality = 0.0;   ///< agreement of those cells that show black or white, 0 ... 1
@@ -45,7 +46,7 @@ class Recovery {
     std::vector<TemplateEdge> edges;
     std::vector<TemplateEdge> blank;  ///< where it has none, but others may
     Texels picture;
-    std::vector<CellSquare> children;
+    std::vector<CellSquare> children;  ///< of layer 2
   };
   /// One of the markers of the set in one of its four turns.
   struct Reading {
@@ -63,7 +64,8 @@ class Recovery {
   template <class Score>
   void keep_best(std::size_t most, Score score);
   std::optional<Recovered> best_reading(const Pyramid& image, const Lens& lens, const Quad& quad);
-  bool borne_out(const ImageView& image, const Lens& lens, const Recovered& best) const;
+  bool borne_out(const ImageView& image, const Lens& lens, const Recovered& reading) const;
+  bool borne_out_by_edges(const ImageView& image, const Lens& lens, const Recovered& reading) const;
 
   const MarkerSet& markers_;
   const std::vector<PlacedMarker>& placed_;
