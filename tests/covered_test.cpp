@@ -1,6 +1,7 @@
 // Markers of which only parts are seen, and markers that only a larger one leads to.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <random>
 #include <stdexcept>
@@ -8,14 +9,19 @@
 #include <gtest/gtest.h>
 #include <Eigen/Geometry>
 
+#include "detect/cell_votes.hpp"
 #include "detect/edge_template.hpp"
+#include "detect/likeness.hpp"
 #include "detect/prediction.hpp"
+#include "detect/pyramid.hpp"
+#include "detect/quad.hpp"
 #include "detect/registration.hpp"
 #include "detect/relations.hpp"
 #include "detect/segments.hpp"
 #include "detect/side_quads.hpp"
 #include "harco/detect.hpp"
 #include "harco/dictionary.hpp"
+#include "harco/geometry.hpp"
 #include "harco/pose.hpp"
 #include "lab/blobs.hpp"
 #include "lab/render.hpp"
@@ -163,6 +169,113 @@ TEST(Registration, TurnsWithItsLight) {
   }
 }
 
+TEST(Pyramid, HalvesAndKeepsPlaces) {
+  Image image(9, 6);
+  for (int y = 0; y < 6; ++y)
+    for (int x = 0; x < 9; ++x) image.row(y)[x] = static_cast<std::uint8_t>(20 * x + 4 * y);
+  detect::Pyramid pyramid;
+  pyramid.build(image.view());
+  ASSERT_EQ(pyramid.levels(), 3);  // 9 x 6, 4 x 3, 2 x 1
+  EXPECT_EQ(pyramid.level(1).width(), 4);
+  EXPECT_EQ(pyramid.level(2).height(), 1);
+  EXPECT_EQ(pyramid.level(1)(1, 2), (40 + 60 + 40 + 60 + 2 * 16 + 2 * 20) / 4);
+  // The first pixel of half the size lies between the first two of either row.
+  EXPECT_LT((detect::Pyramid::in_whole({0, 0}, 1) - Point(0.5, 0.5)).norm(), 1e-12);
+  EXPECT_LT((detect::Pyramid::in_level({5.5, 1.5}, 2) - Point(1.0, 0.0)).norm(), 1e-12);
+}
+
+TEST(Quads, ThatAreNearlyOneAreOne) {
+  const detect::Quad quad{{{0, 0}, {100, 0}, {100, 100}, {0, 100}}};
+  const detect::Quad turned{{{100, 1}, {101, 100}, {0, 100}, {0, 0}}};
+  const detect::Quad other{{{0, 0}, {100, 0}, {100, 100}, {0, 104}}};
+  EXPECT_EQ(detect::different({quad, turned, other, quad}, 0.02).size(), 2U);
+  EXPECT_EQ(detect::different({quad, turned, other, quad}, 0.005).size(), 3U);
+}
+
+/// A marker's picture, as blurred as an image of 180 pixels has it.
+detect::Texels blurred_picture(const MarkerSet& set) {
+  detect::Texels picture;
+  detect::smooth(detect::picture_of(InkMap(set, 0)), 0.6, picture);
+  return picture;
+}
+
+TEST(Likeness, IsThatOfWhatIsSeen) {
+  const MarkerSet set = layers(2);
+  const detect::Texels picture = blurred_picture(set);
+  const detect::Likeness whole = detect::likeness(picture, picture, 7);
+  // Five of 25 cells hold a child; a cell is 18 texels wide, a block four.
+  EXPECT_EQ(whole.patterned + whole.even, 23 * 23);
+  EXPECT_GT(whole.patterned, 5 * 16);
+  for (int turns = 1; turns < 4; ++turns) {
+    detect::Texels turned;
+    detect::turn(picture, turns, turned);
+    EXPECT_LT(detect::likeness(turned, picture, 7).patterned, whole.patterned / 2);
+    detect::Texels back;
+    detect::turn(turned, 4 - turns, back);
+    EXPECT_EQ(back, picture);
+  }
+  // The right half is covered, then beyond the image.
+  for (const float hidden : {0.5F, std::numeric_limits<float>::quiet_NaN()}) {
+    detect::Texels half = picture;
+    for (int row = 0; row < detect::kTexelsAcross; ++row)
+      for (int column = detect::kTexelsAcross / 2; column < detect::kTexelsAcross; ++column)
+        half[detect::texel_index(row, column)] = hidden;
+    const detect::Likeness left = detect::likeness(half, picture, 7);
+    EXPECT_NEAR(left.patterned, whole.patterned / 2, whole.patterned / 5);
+    EXPECT_GT(left.patterned, 0);
+  }
+}
+
+TEST(Likeness, UnwarpsTheImageAsTheRegistrationSays) {
+  const MarkerSet set = layers(2);
+  lab::Scene scene;
+  scene.camera = Camera::pinhole(750, 480, 700.0);
+  scene.parents = {{0, lab::look_at_marker({0.5, 0.5}, 1.8, 20 * kDegree, 0.3, 0.4)}};
+  const Image image = lab::render(scene, set, 1);
+  detect::Quad quad;
+  const std::array<Vector2d, 4> square{{{0, 0}, {1, 0}, {1, 1}, {0, 1}}};
+  for (std::size_t i = 0; i < 4; ++i)
+    quad[i] = *scene.camera.project(scene.parents[0].camera_T_marker *
+                                    Eigen::Vector3d(square[i].x(), square[i].y(), 0.0));
+  const auto registration = detect::fit_border(image.view(), detect::Lens(), quad, 7);
+  ASSERT_TRUE(registration);
+  detect::Pyramid pyramid;
+  pyramid.build(image.view());
+  detect::Unwarped unwarped;
+  detect::unwarp(pyramid, detect::Lens(), *registration, unwarped);
+  detect::Texels picture;
+  detect::smooth(detect::picture_of(InkMap(set, 0)), unwarped.blur, picture);
+  const detect::Likeness likeness = detect::likeness(unwarped.texels, picture, 7);
+  EXPECT_GT(likeness.patterned + likeness.even, 0.97 * 23 * 23);
+}
+
+TEST(CellVotes, SpeakForTheMarkerOnlyIfItIsTheOne) {
+  const MarkerSet set = layers(2);
+  const double texel = set.parents[0].side_m / detect::kTexelsAcross;
+  std::vector<detect::CellSquare> children;
+  int black = 0;
+  for (const PlacedMarker& marker : place(set)) {
+    if (marker.layer != 2) continue;
+    children.push_back({marker.origin_m / texel, marker.side_m / texel, 7});
+    black += marker.code.black_count();
+  }
+  const detect::Texels picture = blurred_picture(set);
+  const detect::CellVotes own = detect::cell_votes(picture, picture, children);
+  EXPECT_EQ(own.predicted, black);
+  EXPECT_EQ(own.confirmed, black);
+  EXPECT_EQ(own.wrong, 0);
+  // Children turned by a half are others.
+  detect::Texels turned;
+  detect::turn(picture, 2, turned);
+  const detect::CellVotes others = detect::cell_votes(turned, picture, children);
+  EXPECT_LT(others.confirmed, black / 2);
+  EXPECT_GT(others.wrong, others.confirmed);
+  // Whatever is of one grey says nothing.
+  const detect::Texels grey(picture.size(), 0.5F);
+  const detect::CellVotes nothing = detect::cell_votes(grey, picture, children);
+  EXPECT_EQ(nothing.confirmed + nothing.wrong, 0);
+}
+
 TEST(Prediction, CarriesCornersAndTheirErrorsOverTheSheet) {
   const MarkerSet set = layers(2);
   const auto placed = place(set);
@@ -250,8 +363,18 @@ TEST(Covered, HalfOfTheMarkerWillDo) {
 
 TEST(Covered, ThreeTenthsOfTheMarkerOftenDo) {
   const Survivors many = cover_and_look(0.7, 1000, 12);
+  EXPECT_GE(many.right, 8);
+  EXPECT_EQ(many.wrong, 0);
+}
+
+// Children of 17 pixels, no quad of which is left whole.
+TEST(Covered, SmallMarkersToo) {
+  const Survivors many = cover_and_look(0.7, 1000, 12, 5.8);
   EXPECT_GE(many.right, 6);
   EXPECT_EQ(many.wrong, 0);
+  const Survivors one = cover_and_look(0.5, 1, 8, 5.8);
+  EXPECT_GE(one.right, 7);
+  EXPECT_EQ(one.wrong, 0);
 }
 
 // Markers of 400 pixels that the image cuts besides.
@@ -277,6 +400,37 @@ TEST(Covered, AMarkerOfAnotherCodeIsNotACoveredOne) {
     EXPECT_TRUE(detector.detect(lab::render(scene, others, 1).view()).empty()) << turn;
     EXPECT_FALSE(detector.detect(lab::render(scene, set, 1).view()).empty()) << turn;
   }
+}
+
+// Blobs hide what contradicts; the cells of the children that are left still do.
+TEST(Covered, NorIsACoveredMarkerOfAnotherSet) {
+  const MarkerSet set = layers(2);
+  MarkerSet others = set;
+  for (const int cell : {1, 7, 11, 16, 18})
+    others.parents[0].marker.code.bits ^= std::uint64_t{1} << cell;
+  for (std::size_t i = 0; i < 5; ++i)
+    others.parents[0].marker.children[i].code = set.parents[0].marker.children[(i + 1) % 5].code;
+  lab::Scene scene;
+  scene.camera = Camera::pinhole(750, 480, 700.0);
+  Detector detector(set, scene.camera);
+  int right = 0;
+  for (std::size_t frame = 0; frame < 8; ++frame) {
+    std::mt19937_64 random(frame);
+    const auto turn = static_cast<double>(frame);
+    scene.parents = {{0, lab::look_at_marker({0.5, 0.5}, 2.0 + 0.4 * turn, 25 * kDegree, 0.7 * turn,
+                                             0.4 * turn)}};
+    const auto blobs = lab::cover(1.0, 0.3, 1000, random);
+    const auto seen = [&](const MarkerSet& shown) {
+      lab::FloatImage exact = lab::render_exact(scene, shown);
+      lab::draw_blobs(exact, blobs, scene.camera, scene.parents[0].camera_T_marker, 0.6);
+      const auto detections = detector.detect(lab::expose(exact, 2.0, frame).view());
+      return std::any_of(detections.begin(), detections.end(),
+                         [](const Detection& detection) { return detection.visible < 1.0; });
+    };
+    EXPECT_FALSE(seen(others)) << frame;
+    right += seen(set);
+  }
+  EXPECT_EQ(right, 8);
 }
 
 lab::Scene far_away(double side_px) {
