@@ -531,19 +531,29 @@ TEST(Codebook, NeverCorrectsBeyondHalfTheDistance) {
   EXPECT_EQ(Codebook(4, placed, false).safe_errors(), (least - 1) / 2);
 }
 
-TEST(Cells, AreReadWhereTheyAreAndJudgedAgainstThePrediction) {
-  // The marker drawn upright with cells of 10 pixels, its corner at pixel edge (20, 20).
-  const MarkerSet set = small_set();
-  const std::vector<double> predicted = predicted_cells(set)[0];
-  Image image(100, 100, 220);
+/// The marker drawn upright with cells of 10 pixels, its corner at pixel edge (20, 20).
+Image drawn(const std::vector<double>& predicted, std::uint8_t black, std::uint8_t white) {
+  Image image(100, 100, white);
   for (int row = 0; row < 6; ++row)
     for (int column = 0; column < 6; ++column)
       for (int y = 0; y < 10; ++y)
         for (int x = 0; x < 10; ++x)
           image.row(20 + row * 10 + y)[20 + column * 10 + x] =
-              predicted[static_cast<std::size_t>(row * 6 + column)] > 0.5 ? 220 : 30;
+              predicted[static_cast<std::size_t>(row * 6 + column)] > 0.5 ? white : black;
+  return image;
+}
+
+Eigen::Matrix3d where_drawn() {
   Eigen::Matrix3d image_H_cells;
   image_H_cells << 10, 0, 19.5, 0, 10, 19.5, 0, 0, 1;
+  return image_H_cells;
+}
+
+TEST(Cells, AreReadWhereTheyAreAndJudgedAgainstThePrediction) {
+  const MarkerSet set = small_set();
+  const std::vector<double> predicted = predicted_cells(set)[0];
+  const Image image = drawn(predicted, 30, 220);
+  Eigen::Matrix3d image_H_cells = where_drawn();
   const auto grid = read_cells(image.view(), Lens(), image_H_cells, 4, 10.0, 0.8, false, 4);
   ASSERT_TRUE(grid);
   EXPECT_NEAR(grid->contrast, 190.0, 1e-6);
@@ -563,6 +573,34 @@ TEST(Cells, AreReadWhereTheyAreAndJudgedAgainstThePrediction) {
 
   image_H_cells(0, 2) = 60.0;  // partly outside of the image
   EXPECT_FALSE(read_cells(image.view(), Lens(), image_H_cells, 4, 10.0, 0.8, false, 4));
+}
+
+TEST(Cells, AreReadAcrossAShadowsEdge) {
+  const MarkerSet set = small_set();
+  const std::vector<double> predicted = predicted_cells(set)[0];
+  Image image = drawn(predicted, 30, 220);
+  // From the fourth column of cells on there is a third of the light: paper of 73, ink of 10.
+  for (int y = 0; y < 100; ++y)
+    for (int x = 50; x < 100; ++x) image.row(y)[x] = static_cast<std::uint8_t>(image.row(y)[x] / 3);
+  const std::uint64_t code = place(set)[0].code.bits;
+  const auto plain = read_cells(image.view(), Lens(), where_drawn(), 4, 10.0, 0.8, false, 4);
+  ASSERT_TRUE(plain);
+  EXPECT_LT(agreement(*plain, predicted, 0), 0.95);
+
+  const auto shaded = read_shaded_cells(image.view(), Lens(), where_drawn(), 4, 10.0, 0.8);
+  ASSERT_TRUE(shaded);
+  EXPECT_GT(shaded->threshold, 30.0);
+  EXPECT_LT(shaded->threshold, 73.0);
+  EXPECT_EQ(read_bits(shaded->greys, shaded->threshold), code);
+  // The ring's middle grey lies between 10 and 30.
+  const CellGrid even = in_even_light(*shaded, predicted, 0);
+  EXPECT_GT(agreement(even, predicted, 0), 0.97);
+  EXPECT_LT(agreement(in_even_light(*shaded, predicted, 1), predicted, 1), 0.9);
+
+  // Paper as dark as the ring somewhere: no light explains that.
+  for (int y = 0; y < 100; ++y)
+    for (int x = 70; x < 100; ++x) image.row(y)[x] = 8;
+  EXPECT_FALSE(read_shaded_cells(image.view(), Lens(), where_drawn(), 4, 10.0, 0.8));
 }
 
 }  // namespace

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
+#include <tuple>
 #include <utility>
 
 #include <Eigen/Geometry>
@@ -63,32 +65,83 @@ void unmix(std::span<double> values, int m, double share) {
           (2.0 * at(once, row, column) - at(once, row - 1, column) - at(once, row + 1, column));
 }
 
+/// Reads greys at places given in cells.
+class CellSampler {
+ public:
+  CellSampler(const ImageView& image, const Lens& lens, const Eigen::Matrix3d& image_H_cells,
+              double cell_px)
+      : image_(image),
+        lens_(lens),
+        image_H_cells_(image_H_cells),
+        across_(cell_px < 3.0    ? 1
+                : cell_px < 8.0  ? 2
+                : cell_px < 24.0 ? 3
+                                 : 5) {}
+
+  std::optional<double> grey_at(double x, double y) const {
+    const Eigen::Vector3d h = image_H_cells_ * Eigen::Vector3d(x, y, 1.0);
+    const auto pixel = lens_.from_ideal(h.hnormalized());
+    return pixel ? sample(image_, pixel->x(), pixel->y()) : std::nullopt;
+  }
+
+  /// Of points within a cell, kept away from its borders.
+  std::optional<double> cell_mean(int row, int column) const {
+    constexpr double kSpread = 0.5;
+    const auto offset = [&](int i) {
+      return across_ == 1 ? 0.0 : kSpread * (i / (across_ - 1.0) - 0.5);
+    };
+    double sum = 0.0;
+    for (int i = 0; i < across_; ++i)
+      for (int j = 0; j < across_; ++j) {
+        const auto grey = grey_at(column + 0.5 + offset(j), row + 0.5 + offset(i));
+        if (!grey) return std::nullopt;
+        sum += *grey;
+      }
+    return sum / (across_ * across_);
+  }
+
+ private:
+  const ImageView& image_;
+  const Lens& lens_;
+  const Eigen::Matrix3d& image_H_cells_;
+  int across_;
+};
+
+/// Visits the paper just outside of a ring, where the image shows it: place, (0, 0) the middle of
+/// the first cell, and grey.
+template <typename Visit>
+void for_paper_around(const CellSampler& sampler, int m, const Visit& visit) {
+  for (int i = 0; i < m; ++i) {
+    const double along = i + 0.5;
+    for (const auto& [x, y] : std::array<std::pair<double, double>, 4>{
+             {{along, -0.5}, {along, m + 0.5}, {-0.5, along}, {m + 0.5, along}}})
+      if (const auto grey = sampler.grey_at(x, y)) visit(x - 0.5, y - 0.5, *grey);
+  }
+}
+
+/// What a cell gives to each of the two neighbours along a row or a column.
+double share_of_blur(double cell_px, double blur_px) {
+  constexpr double kMost = 0.22;
+  return std::min(kMost, 0.5 * (1.0 - std::erf(cell_px / (2.0 * std::sqrt(2.0) * blur_px))));
+}
+
+/// Cell (row, column) of a marker as seen, turned clockwise `turns` times, is this cell of the
+/// upright one, row-first.
+std::size_t upright_cell(int row, int column, int turns, int m) {
+  for (int k = 0; k < turns; ++k) {
+    const int upright_row = m - 1 - column;
+    column = row;
+    row = upright_row;
+  }
+  return static_cast<std::size_t>(row * m + column);
+}
+
 }  // namespace
 
 std::optional<CellGrid> read_cells(const ImageView& image, const Lens& lens,
                                    const Eigen::Matrix3d& image_H_cells, int n, double cell_px,
                                    double blur_px, bool child, int least_black) {
-  const auto grey_at = [&](double x, double y) -> std::optional<double> {
-    const Eigen::Vector3d h = image_H_cells * Eigen::Vector3d(x, y, 1.0);
-    const auto pixel = lens.from_ideal(h.hnormalized());
-    return pixel ? sample(image, pixel->x(), pixel->y()) : std::nullopt;
-  };
-  // Points within a cell, kept away from its borders.
-  const int across = cell_px < 3.0 ? 1 : cell_px < 8.0 ? 2 : cell_px < 24.0 ? 3 : 5;
-  const double spread = 0.5;
-  const auto cell_mean = [&](int row, int column) -> std::optional<double> {
-    double sum = 0.0;
-    for (int i = 0; i < across; ++i)
-      for (int j = 0; j < across; ++j) {
-        const double dx = across == 1 ? 0.0 : spread * (j / (across - 1.0) - 0.5);
-        const double dy = across == 1 ? 0.0 : spread * (i / (across - 1.0) - 0.5);
-        const auto grey = grey_at(column + 0.5 + dx, row + 0.5 + dy);
-        if (!grey) return std::nullopt;
-        sum += *grey;
-      }
-    return sum / (across * across);
-  };
-
+  const CellSampler sampler(image, lens, image_H_cells, cell_px);
   const int m = n + 2;
   CellGrid grid;
   grid.cells = n;
@@ -96,13 +149,12 @@ std::optional<CellGrid> read_cells(const ImageView& image, const Lens& lens,
   PlaneFit ring;
   for (int row = 0; row < m; ++row)
     for (int column = 0; column < m; ++column) {
-      const auto mean = cell_mean(row, column);
+      const auto mean = sampler.cell_mean(row, column);
       if (!mean) return std::nullopt;
       values[static_cast<std::size_t>(row * m + column)] = *mean;
       if (on_ring(row, column, m)) ring.add(column, row, *mean);
     }
-  const double share = 0.5 * (1.0 - std::erf(cell_px / (2.0 * std::sqrt(2.0) * blur_px)));
-  unmix(values, m, std::min(share, 0.22));
+  unmix(values, m, share_of_blur(cell_px, blur_px));
 
   const Plane ring_level = ring.solve();
   if (child) {
@@ -129,15 +181,10 @@ std::optional<CellGrid> read_cells(const ImageView& image, const Lens& lens,
   // White is the paper just outside of the black ring, where the image shows it.
   PlaneFit paper;
   int seen = 0;
-  for (int i = 0; i < m; ++i) {
-    const double along = i + 0.5;
-    for (const auto& [x, y] : std::array<std::pair<double, double>, 4>{
-             {{along, -0.5}, {along, m + 0.5}, {-0.5, along}, {m + 0.5, along}}})
-      if (const auto grey = grey_at(x, y)) {
-        paper.add(x - 0.5, y - 0.5, *grey);
-        ++seen;
-      }
-  }
+  for_paper_around(sampler, m, [&](double x, double y, double grey) {
+    paper.add(x, y, grey);
+    ++seen;
+  });
   if (seen < 2 * m) return std::nullopt;
   const Plane paper_level = paper.solve();
   const double middle = 0.5 * (m - 1);
@@ -150,6 +197,90 @@ std::optional<CellGrid> read_cells(const ImageView& image, const Lens& lens,
       value = (value - black) / std::max(kMinContrast, paper_level(column, row) - black);
     }
   return grid;
+}
+
+std::optional<ShadedCells> read_shaded_cells(const ImageView& image, const Lens& lens,
+                                             const Eigen::Matrix3d& image_H_cells, int n,
+                                             double cell_px, double blur_px) {
+  // Dirt, glare and blur may spoil some of the ring's cells and of the paper's places.
+  constexpr double kSpoilt = 0.08;
+  // Children and blur make white cells darker than paper, black ones stay as dark as the ring.
+  constexpr double kBetween = 0.3;
+  const CellSampler sampler(image, lens, image_H_cells, cell_px);
+  const int m = n + 2;
+  ShadedCells shaded;
+  shaded.greys.cells = n;
+  const std::span<double> values = shaded.greys.values();
+  for (int row = 0; row < m; ++row)
+    for (int column = 0; column < m; ++column) {
+      const auto mean = sampler.cell_mean(row, column);
+      if (!mean) return std::nullopt;
+      values[static_cast<std::size_t>(row * m + column)] = *mean;
+    }
+  unmix(values, m, share_of_blur(cell_px, blur_px));
+  for_paper_around(sampler, m, [&](double x, double y, double grey) {
+    shaded.paper[shaded.paper_seen++] = {x, y, grey};
+  });
+  if (shaded.paper_seen < static_cast<std::size_t>(2 * m)) return std::nullopt;
+
+  std::array<double, CellGrid::kMost> sorted;
+  const auto at_share = [&](std::size_t count, double share) {
+    const auto i = static_cast<std::ptrdiff_t>(share * static_cast<double>(count - 1));
+    std::nth_element(sorted.begin(), sorted.begin() + i,
+                     sorted.begin() + static_cast<std::ptrdiff_t>(count));
+    return sorted[static_cast<std::size_t>(i)];
+  };
+  std::size_t count = 0;
+  for (int row = 0; row < m; ++row)
+    for (int column = 0; column < m; ++column)
+      if (on_ring(row, column, m))
+        sorted[count++] = values[static_cast<std::size_t>(row * m + column)];
+  const double brightest_black = at_share(count, 1.0 - kSpoilt);
+  shaded.black = at_share(count, 0.5);
+  for (std::size_t i = 0; i < shaded.paper_seen; ++i) sorted[i] = shaded.paper[i].z();
+  const double darkest_white = at_share(shaded.paper_seen, kSpoilt);
+  if (darkest_white - brightest_black < kMinContrast) return std::nullopt;
+  shaded.threshold = brightest_black + kBetween * (darkest_white - brightest_black);
+  return shaded;
+}
+
+CellGrid in_even_light(const ShadedCells& shaded, const std::vector<double>& predicted, int turns) {
+  constexpr double kWhite = 0.5;
+  constexpr std::size_t kNeighbours = 5;
+  const int m = shaded.greys.cells + 2;
+  // Where light is known: place and grey of white paper above black.
+  std::array<Eigen::Vector3d, CellGrid::kMost + std::tuple_size_v<decltype(shaded.paper)>> lights;
+  std::size_t known = 0;
+  for (std::size_t i = 0; i < shaded.paper_seen; ++i)
+    lights[known++] = shaded.paper[i] - Eigen::Vector3d(0.0, 0.0, shaded.black);
+  for (int row = 0; row < m; ++row)
+    for (int column = 0; column < m; ++column) {
+      const double white = predicted[upright_cell(row, column, turns, m)];
+      if (white < kWhite) continue;
+      const double grey = shaded.greys.values()[static_cast<std::size_t>(row * m + column)];
+      lights[known++] = {double(column), double(row), (grey - shaded.black) / white};
+    }
+  CellGrid even;
+  even.cells = shaded.greys.cells;
+  for (int row = 0; row < m; ++row)
+    for (int column = 0; column < m; ++column) {
+      // The nearest others, and their median.
+      std::array<std::pair<double, double>, kNeighbours> nearest;
+      nearest.fill({std::numeric_limits<double>::max(), 0.0});
+      for (std::size_t i = 0; i < known; ++i) {
+        const double away = (lights[i].head<2>() - Eigen::Vector2d(column, row)).squaredNorm();
+        if (away < 0.25 || away >= nearest.back().first) continue;
+        nearest.back() = {away, lights[i].z()};
+        for (std::size_t k = kNeighbours - 1; k > 0 && nearest[k] < nearest[k - 1]; --k)
+          std::swap(nearest[k], nearest[k - 1]);
+      }
+      std::sort(nearest.begin(), nearest.end(),
+                [](const auto& a, const auto& b) { return a.second < b.second; });
+      const double light = std::max(kMinContrast, nearest[kNeighbours / 2].second);
+      const auto at = static_cast<std::size_t>(row * m + column);
+      even.values()[at] = (shaded.greys.values()[at] - shaded.black) / light;
+    }
+  return even;
 }
 
 int wrong_ring_cells(const CellGrid& grid, bool child) {
@@ -182,17 +313,9 @@ double agreement(const CellGrid& grid, const std::vector<double>& predicted, int
   double sum_ab = 0.0;
   for (int row = 0; row < m; ++row)
     for (int column = 0; column < m; ++column) {
-      // Cell (row, column) of the marker as seen is this cell of the upright one.
-      int r = row;
-      int c = column;
-      for (int k = 0; k < turns; ++k) {
-        const int upright_r = m - 1 - c;
-        c = r;
-        r = upright_r;
-      }
       const double a =
           std::clamp(grid.values()[static_cast<std::size_t>(row * m + column)], -0.3, 1.3);
-      const double b = predicted[static_cast<std::size_t>(r * m + c)];
+      const double b = predicted[upright_cell(row, column, turns, m)];
       sum_a += a;
       sum_b += b;
       sum_aa += a * a;

@@ -42,10 +42,31 @@ std::optional<CellGrid> read_cells(const ImageView& image, const Lens& lens,
                                    const Eigen::Matrix3d& image_H_cells, int n, double cell_px,
                                    double blur_px, bool child, int least_black);
 
+/// A parent's cells where light changes abruptly, at a shadow's edge: paper in shade need not be
+/// brighter than the middle between black and white in the sun, but it is brighter than any black.
+struct ShadedCells {
+  CellGrid greys;  ///< grey levels, not yet related to black and white
+  /// Grey levels of the paper around the ring, and where: in cells, (0, 0) the middle of the first.
+  std::array<Eigen::Vector3d, 4 * (Code::kMaxCells + 2)> paper;
+  std::size_t paper_seen = 0;
+  double black = 0.0;      ///< of the ring, the middle one
+  double threshold = 0.0;  ///< between all of the ring's greys and all of the paper's
+};
+
+/// Reads the cells of a parent as read_cells() does. Empty if part of it lies outside of the image,
+/// or if some of the paper around it is no brighter than the ring.
+std::optional<ShadedCells> read_shaded_cells(const ImageView& image, const Lens& lens,
+                                             const Eigen::Matrix3d& image_H_cells, int n,
+                                             double cell_px, double blur_px);
+
+/// The cells in units of the light nearby, 0 black … 1 white, if they are those predicted for a
+/// marker that is turned clockwise `turns` times: light is what white cells and paper around show.
+CellGrid in_even_light(const ShadedCells& shaded, const std::vector<double>& predicted, int turns);
+
 /// Number of cells of the ring that are not of its colour.
 int wrong_ring_cells(const CellGrid& grid, bool child);
 
-/// The inner cells as bits, row-first; a cell is white from `white_level`.
+/// The inner cells as bits, row-first; a cell is white from `white_level` on, in units of the grid.
 std::uint64_t read_bits(const CellGrid& grid, double white_level);
 
 /// Correlation of the cells with those predicted for a marker that is turned clockwise `turns`

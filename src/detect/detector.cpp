@@ -45,6 +45,10 @@ constexpr double kSmallCell = 5.0;
 // Ring cells that glare, dirt or blur may have turned, as a share of the ring.
 constexpr double kWrongRingShare = 0.1;
 
+// The smallest side of a parent that is read in spite of a shadow's edge, in pixels.
+constexpr double kLeastShadedSide = 28.0;
+// Light that may be anything explains more, so the cells have to be the more alike.
+constexpr double kLeastShadedQuality = 0.85;
 // The smallest side of a partly covered marker, in pixels.
 constexpr double kLeastCoveredSide = 80.0;
 // Squares whose corners lie no farther apart than this share of their side are one.
@@ -85,9 +89,23 @@ struct Found {
   std::size_t candidate;  // index into the candidates of this frame
 };
 
+/// A marker of the set that the cells of a quad are like.
+struct Reading {
+  Match match;
+  double quality = -1.0;
+};
+
+/// Where the cells of a quad lie.
+struct CellPlaces {
+  Eigen::Matrix3d image_H_cells;  // (0, 0) ... (n+2, n+2) to ideal pixels
+  double cell_px;                 // the least side
+  double blur_px;
+};
+
 /// What one of those who work needs of its own.
 struct Scratch {
   std::vector<Match> matches;
+  Reading reading;
   std::vector<Found> found;
 };
 
@@ -148,6 +166,13 @@ struct Detector::Impl {
   void examine_all(const ImageView& image);
   void examine(const ImageView& image, const Shape& shape, std::size_t index, Scratch& own);
   double required_quality(int errors) const;
+  template <typename Agreement>
+  Rejection look_up(Candidate& candidate, const Codebook& book, std::uint64_t bits,
+                    const Agreement& agreement, Scratch& own) const;
+  Rejection read(const ImageView& image, Candidate& candidate, const Codebook& book,
+                 const CellPlaces& places, Scratch& own) const;
+  Rejection read_shaded(const ImageView& image, Candidate& candidate, const Codebook& book,
+                        const CellPlaces& places, Scratch& own) const;
   Rejection identify(const ImageView& image, Candidate& candidate, const Codebook& book,
                      const detect::FittedQuad& fitted, double blur_px, std::size_t index,
                      Scratch& own) const;
@@ -208,23 +233,38 @@ double Detector::Impl::required_quality(int errors) const {
   return 1.0 - (1.0 - options.min_quality) * std::pow(0.4, errors);
 }
 
-/// Decodes a fitted quad against one book. On success the detection is added to what was found by
-/// one of those who work.
-Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
-                                   const Codebook& book, const detect::FittedQuad& fitted,
-                                   double blur_px, std::size_t index, Scratch& own) const {
+/// The marker of the book that is most like a quad's cells, of those whose code is near enough.
+template <typename Agreement>
+Rejection Detector::Impl::look_up(Candidate& candidate, const Codebook& book, std::uint64_t bits,
+                                  const Agreement& agreement, Scratch& own) const {
+  const int with_relatives = std::min(options.max_bit_errors + 1, book.safe_errors());
+  own.matches.clear();
+  book.find(bits, std::max(with_relatives, options.tentative_bit_errors), own.matches);
+  if (own.matches.empty()) {
+    if (explaining) candidate.note = "read " + to_string(Code{book.cells(), bits});
+    return Rejection::code;
+  }
+  Reading& best = own.reading;
+  best.quality = -1.0;
+  for (const Match& match : own.matches) {
+    const double quality =
+        agreement(predicted[static_cast<std::size_t>(match.placed)], match.turns);
+    if (quality > best.quality) best = {match, quality};
+  }
+  char words[96];
+  std::snprintf(words, sizeof words, "%d bit errors, quality %.3f", best.match.errors,
+                best.quality);
+  note(candidate, words);
+  candidate.placed = best.match.placed;
+  return Rejection::none;
+}
+
+Rejection Detector::Impl::read(const ImageView& image, Candidate& candidate, const Codebook& book,
+                               const CellPlaces& places, Scratch& own) const {
   const int n = book.cells();
-  const int m = n + 2;
   const bool child = candidate.hole;
-  // The quad found is the inner border of a child's line; its full square is larger if the line
-  // has a part inside.
-  const double inset = child ? markers.line.inside * m : 0.0;
-  Eigen::Matrix3d unit_of_cells;
-  unit_of_cells << 1.0, 0.0, -inset, 0.0, 1.0, -inset, 0.0, 0.0, m - 2.0 * inset;
-  const Eigen::Matrix3d image_H_cells = detect::square_homography(fitted.corners) * unit_of_cells;
-  const double cell_px = detect::shortest_side(fitted.corners) / (m - 2.0 * inset);
-  const auto grid = detect::read_cells(image, lens, image_H_cells, n, cell_px, blur_px, child,
-                                       least_black.at({child, n}));
+  const auto grid = detect::read_cells(image, lens, places.image_H_cells, n, places.cell_px,
+                                       places.blur_px, child, least_black.at({child, n}));
   char words[96];
   if (!grid) {
     note(candidate, "its cells are not all in the image");
@@ -242,46 +282,73 @@ Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
     note(candidate, words);
     return Rejection::ring;
   }
+  const auto agreement = [&](const std::vector<double>& cells, int turns) {
+    return detect::agreement(*grid, cells, turns);
+  };
+  const Rejection why =
+      look_up(candidate, book, detect::read_bits(*grid, kWhiteLevel), agreement, own);
+  if (why != Rejection::none) return why;
+  return own.reading.quality < required_quality(own.reading.match.errors) ? Rejection::quality
+                                                                          : Rejection::none;
+}
 
-  const std::uint64_t bits = detect::read_bits(*grid, kWhiteLevel);
+/// Where a shadow's edge runs across a parent.
+Rejection Detector::Impl::read_shaded(const ImageView& image, Candidate& candidate,
+                                      const Codebook& book, const CellPlaces& places,
+                                      Scratch& own) const {
+  const auto shaded = detect::read_shaded_cells(image, lens, places.image_H_cells, book.cells(),
+                                                places.cell_px, places.blur_px);
+  if (!shaded) return Rejection::contrast;
+  const auto agreement = [&](const std::vector<double>& cells, int turns) {
+    return detect::agreement(detect::in_even_light(*shaded, cells, turns), cells, turns);
+  };
+  const Rejection why =
+      look_up(candidate, book, detect::read_bits(shaded->greys, shaded->threshold), agreement, own);
+  if (why != Rejection::none) return why;
+  // Light of any kind explains more: as much as a corrected bit.
+  return own.reading.quality < required_quality(own.reading.match.errors + 1) ? Rejection::quality
+                                                                              : Rejection::none;
+}
+
+/// Decodes a fitted quad against one book. On success the detection is added to what was found by
+/// one of those who work.
+Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
+                                   const Codebook& book, const detect::FittedQuad& fitted,
+                                   double blur_px, std::size_t index, Scratch& own) const {
+  const int m = book.cells() + 2;
+  const bool child = candidate.hole;
+  // The quad found is the inner border of a child's line; its full square is larger if the line
+  // has a part inside.
+  const double inset = child ? markers.line.inside * m : 0.0;
+  Eigen::Matrix3d unit_of_cells;
+  unit_of_cells << 1.0, 0.0, -inset, 0.0, 1.0, -inset, 0.0, 0.0, m - 2.0 * inset;
+  const CellPlaces places{detect::square_homography(fitted.corners) * unit_of_cells,
+                          detect::shortest_side(fitted.corners) / (m - 2.0 * inset), blur_px};
+  Rejection why = read(image, candidate, book, places, own);
+  const bool large = detect::mean_side(fitted.corners) >= kLeastShadedSide;
+  if (why != Rejection::none && !child && large && blur_px == kSharp)
+    if (read_shaded(image, candidate, book, places, own) == Rejection::none) why = Rejection::none;
+  if (why != Rejection::none) return why;
+
+  const auto& [match, quality] = own.reading;
   const int sure = std::min(options.max_bit_errors, book.safe_errors());
   const int with_relatives = std::min(options.max_bit_errors + 1, book.safe_errors());
-  own.matches.clear();
-  book.find(bits, std::max(with_relatives, options.tentative_bit_errors), own.matches);
-  if (own.matches.empty()) {
-    if (explaining) candidate.note = "read " + to_string(Code{n, bits});
-    return Rejection::code;
-  }
-  const Match* best = nullptr;
-  double quality = -1.0;
-  for (const Match& match : own.matches) {
-    const double agreement =
-        detect::agreement(*grid, predicted[static_cast<std::size_t>(match.placed)], match.turns);
-    if (agreement > quality) {
-      quality = agreement;
-      best = &match;
-    }
-  }
-  std::snprintf(words, sizeof words, "%d bit errors, quality %.3f", best->errors, quality);
-  note(candidate, words);
-  candidate.placed = best->placed;
-  if (quality < required_quality(best->errors)) return Rejection::quality;
-
-  const PlacedMarker& marker = placed[static_cast<std::size_t>(best->placed)];
+  const PlacedMarker& marker = placed[static_cast<std::size_t>(match.placed)];
   Detection detection;
   detection.parent = markers.parents[static_cast<std::size_t>(marker.parent_index)].marker.id;
   detection.layer = marker.layer;
   detection.id = marker.id;
-  detection.placed = best->placed;
-  detection.bit_errors = best->errors;
+  detection.placed = match.placed;
+  detection.bit_errors = match.errors;
   detection.quality = quality;
-  detection.tentative = best->errors > with_relatives;
+  detection.tentative = match.errors > with_relatives;
   const std::array<Eigen::Vector2d, 4> cell_corners{
       {{0.0, 0.0}, {double(m), 0.0}, {double(m), double(m)}, {0.0, double(m)}}};
   Matrix8d turned_and_distorted = Matrix8d::Zero();
   for (std::size_t i = 0; i < 4; ++i) {
-    const std::size_t seen = (i + static_cast<std::size_t>(best->turns)) % 4;
-    const Eigen::Vector2d ideal = (image_H_cells * cell_corners[seen].homogeneous()).hnormalized();
+    const std::size_t seen = (i + static_cast<std::size_t>(match.turns)) % 4;
+    const Eigen::Vector2d ideal =
+        (places.image_H_cells * cell_corners[seen].homogeneous()).hnormalized();
     const auto pixel = lens.from_ideal(ideal);
     if (!pixel) return Rejection::shape;
     detection.corners[i] = *pixel;
@@ -292,8 +359,8 @@ Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
   detection.corner_covariance =
       turned_and_distorted * fitted.covariance * turned_and_distorted.transpose();
   candidate.corners = detection.corners;
-  const Standing standing = best->errors <= sure             ? Standing::sure
-                            : best->errors <= with_relatives ? Standing::needs_relatives
+  const Standing standing = match.errors <= sure             ? Standing::sure
+                            : match.errors <= with_relatives ? Standing::needs_relatives
                                                              : Standing::needs_memory;
   own.found.push_back({detection, standing, index});
   return Rejection::none;

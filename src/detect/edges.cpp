@@ -221,18 +221,56 @@ std::optional<double> dip_position(const Profiles& profiles, int i, double insid
   return moment / mass;
 }
 
-/// Plain steps: dark inside, bright outside, or the other way round.
-EdgePoints locate_steps(const Profiles& profiles, int outward, bool bright_inside) {
-  const Linear inside = level_at(profiles, -profiles.inward);
-  const Linear outside = level_at(profiles, outward);
+/// Grey levels at one step, position by position.
+using Levels = std::array<double, kMaxPositions>;
+
+Levels even_levels(const Profiles& profiles, int k) {
+  const Linear level = level_at(profiles, k);
+  Levels levels;
+  for (int i = 0; i < profiles.count; ++i)
+    levels[static_cast<std::size_t>(i)] = level.at(profiles.along[static_cast<std::size_t>(i)]);
+  return levels;
+}
+
+/// Of the neighbours alone: where a shadow begins somewhere along the side.
+Levels levels_nearby(const Profiles& profiles, int k) {
+  constexpr int kReach = 2;
+  Levels levels;
+  for (int i = 0; i < profiles.count; ++i)
+    levels[static_cast<std::size_t>(i)] =
+        median_at(profiles, k, std::max(0, i - kReach), std::min(profiles.count, i + kReach + 1));
+  return levels;
+}
+
+/// Plain steps: dark inside, bright outside, or the other way round. Inside and outside are the
+/// levels at the ends of the profiles' parts from their inner end to `outward`.
+EdgePoints locate_steps(const Profiles& profiles, int outward, bool bright_inside,
+                        const Levels& inside, const Levels& outside) {
   EdgePoints points;
   for (int i = 0; i < profiles.count; ++i) {
-    const double along = profiles.along[static_cast<std::size_t>(i)];
-    const double step = inside.at(along) - outside.at(along);
+    const auto at = static_cast<std::size_t>(i);
+    const double step = inside[at] - outside[at];
     if ((bright_inside ? step : -step) < kMinContrast) continue;
-    points.add(along, step_position(profiles, i, outward, inside.at(along), outside.at(along)));
+    points.add(profiles.along[at], step_position(profiles, i, outward, inside[at], outside[at]));
   }
   return points;
+}
+
+EdgePoints locate_steps(const Profiles& profiles, int outward, bool bright_inside) {
+  return locate_steps(profiles, outward, bright_inside, even_levels(profiles, -profiles.inward),
+                      even_levels(profiles, outward));
+}
+
+/// Whether the light on a side's bright part changes more abruptly than a straight line: where its
+/// greys and those nearby differ from it by a good part of the step, for a good part of the side.
+bool uneven(const Profiles& profiles, const Levels& dark, const Levels& bright,
+            const Levels& bright_nearby) {
+  constexpr double kStepShare = 0.15;
+  constexpr int kSidePart = 8;
+  int away = 0;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(profiles.count); ++i)
+    away += std::abs(bright_nearby[i] - bright[i]) > kStepShare * std::abs(bright[i] - dark[i]);
+  return kSidePart * away >= profiles.count;
 }
 
 /// The inner edge of a dark line of known width with bright on both sides. Blur moves the edges of
@@ -389,15 +427,25 @@ std::optional<FittedLine> fit_side(const ImageView& image, const Lens& lens, con
   const double length = (b - a).norm();
   if (length < 4.0) return std::nullopt;
   const auto [band, width] = widths_at(image_H_square, side, profile, length);
-  EdgePoints points;
+  const auto fit = [&](const EdgePoints& points) {
+    return fit_points(points, 0.5 * (a + b), (b - a) / length, length);
+  };
+  std::optional<FittedLine> fitted;
   if (profile.bright_inside) {
-    points = locate_child_edge(image, lens, a, b, band, width);
+    fitted = fit(locate_child_edge(image, lens, a, b, band, width));
   } else {
     const int reach = steps(std::clamp(0.45 * band, 1.0, 4.0));
-    points =
-        locate_steps(read_profiles(image, lens, a, b, {reach, reach}, kFewPositions), reach, false);
+    const Profiles profiles = read_profiles(image, lens, a, b, {reach, reach}, kFewPositions);
+    const Levels inside = even_levels(profiles, -reach);
+    const Levels outside = even_levels(profiles, reach);
+    const Levels outside_nearby = levels_nearby(profiles, reach);
+    fitted = fit(locate_steps(profiles, reach, false, inside, outside));
+    if (!fitted || uneven(profiles, inside, outside, outside_nearby)) {
+      const auto nearby = fit(
+          locate_steps(profiles, reach, false, levels_nearby(profiles, -reach), outside_nearby));
+      if (nearby && (!fitted || nearby->offset_variance < fitted->offset_variance)) fitted = nearby;
+    }
   }
-  auto fitted = fit_points(points, 0.5 * (a + b), (b - a) / length, length);
   if (!fitted) return std::nullopt;
   fitted->offset_variance += kInkNearby * kInkNearby;
   return fitted;
