@@ -1,5 +1,6 @@
 // What is left when part of the marker is covered: share of frames with a right pose while blobs of
-// any grey hide a growing share of the marker. Prints a table.
+// any grey hide a growing share of the marker; with --others, also in how many of as many frames of
+// another set's markers one of ours was found. Prints a table.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -21,6 +22,7 @@ using namespace harco;
 
 struct Settings {
   std::string markers;
+  std::string others;  // another set, if it is to be shown as well
   int frames = 60;
   double tilt_deg = 40.0;
   int first = 0;
@@ -30,7 +32,7 @@ struct Settings {
 };
 
 struct Count {
-  int frames = 0, right = 0, wrong = 0, markers = 0;
+  int frames = 0, right = 0, wrong = 0, markers = 0, false_finds = 0;
 };
 
 /// Greatest distance in pixels, over the parent's corners, between where two poses see them.
@@ -53,8 +55,9 @@ void save(const Image& image, const std::string& file) {
             static_cast<std::streamsize>(image.pixels.size()));
 }
 
-Count measure(Detector& detector, const Settings& settings, const Camera& camera, double side_px,
-              double share, int most_blobs) {
+/// `others` may be empty.
+Count measure(Detector& detector, const MarkerSet& others, const Settings& settings,
+              const Camera& camera, double side_px, double share, int most_blobs) {
   const MarkerSet& markers = detector.markers();
   const double side = markers.parents.front().side_m;
   Count count;
@@ -86,6 +89,13 @@ Count measure(Detector& detector, const Settings& settings, const Camera& camera
       if (!near) ++count.wrong;
     }
     count.right += right;
+    if (!others.parents.empty()) {
+      scene.parents.front().parent_index = frame % static_cast<int>(others.parents.size());
+      lab::FloatImage other = lab::render_exact(scene, others);
+      lab::draw_blobs(other, blobs, camera, truth, scene.psf_sigma_px);
+      const Image shown = lab::expose(other, scene.noise_sigma, random());
+      count.false_finds += !detector.detect(shown.view()).empty();
+    }
     if (!right && !settings.dump.empty())
       save(image, settings.dump + "-" + std::to_string(static_cast<int>(side_px)) + "-" +
                       std::to_string(static_cast<int>(100 * share)) + "-" +
@@ -106,20 +116,23 @@ int main(int argc, char** argv) {
   app.add_option("--shares", settings.shares, "shares covered, 0 to below 1")->delimiter(',');
   app.add_option("--tilt", settings.tilt_deg, "greatest tilt, degrees");
   app.add_option("--dump", settings.dump, "start of the names of pictures that failed");
+  app.add_option("--others", settings.others, "markers.json of another set, shown as large");
   CLI11_PARSE(app, argc, argv);
   const MarkerSet markers = load_markers(settings.markers);
+  MarkerSet others = settings.others.empty() ? MarkerSet() : load_markers(settings.others);
+  for (Parent& parent : others.parents) parent.side_m = markers.parents.front().side_m;
   const Camera camera = Camera::pinhole(750, 480, 700.0);
   Detector detector(markers, camera);
-  std::printf("%6s %8s %10s | %8s %7s %8s\n", "side", "covered", "blobs", "right %", "wrong",
-              "markers");
+  std::printf("%6s %8s %10s | %8s %7s %8s %7s\n", "side", "covered", "blobs", "right %", "wrong",
+              "markers", "false");
   for (const double side_px : settings.sides)
     for (const double share : settings.shares)
       for (const int blobs : {1, 1000}) {
         if (share == 0.0 && blobs > 1) continue;
-        const Count count = measure(detector, settings, camera, side_px, share, blobs);
-        std::printf("%6.0f %7.0f%% %10s | %8.1f %7d %8.1f\n", side_px, 100.0 * share,
+        const Count count = measure(detector, others, settings, camera, side_px, share, blobs);
+        std::printf("%6.0f %7.0f%% %10s | %8.1f %7d %8.1f %7d\n", side_px, 100.0 * share,
                     blobs == 1 ? "one" : "many", 100.0 * count.right / count.frames, count.wrong,
-                    static_cast<double>(count.markers) / count.frames);
+                    static_cast<double>(count.markers) / count.frames, count.false_finds);
         std::fflush(stdout);
       }
   return 0;

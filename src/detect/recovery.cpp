@@ -30,10 +30,11 @@ constexpr double kLeastLead = 16.0;
 constexpr double kLeastLeadTimesConfirmed = 110.0;
 // Without children it is edges of the picture that have to be seen. A long lead with a pattern in
 // it and no edge of another marker says it all.
-constexpr double kLongLead = 80.0;
-constexpr int kLongLeadSeen = 5;
-constexpr int kLongLeadPatterned = 15;
-// Else of six thousand squares in a thousand pictures without a marker none had all of this.
+constexpr double kLongLead = 75.0;
+constexpr int kLongLeadSeen = 4;
+constexpr int kLongLeadPatterned = 20;
+// Without children it is edges of the picture that have to be seen. Of six thousand squares in a
+// thousand pictures without a marker none had all of this.
 constexpr int kLeastSeen = 4;
 constexpr double kLeastSum = 32.0;   // of the lead and twice the edges seen
 constexpr double kLeastShare = 0.1;  // of the edges predicted
@@ -283,6 +284,9 @@ bool Recovery::borne_out(const ImageView& image, const Lens& lens, const Recover
   const CellVotes& votes = reading.votes;
   if (reading.foreign > kMostForeign || reading.lead < kLeastLead) return false;
   if (votes.wrong > kFewWrong && kConfirmedPerWrong * votes.wrong > votes.confirmed) return false;
+  if (reading.foreign == 0 && votes.wrong == 0 && reading.lead >= kLongLead &&
+      reading.evidence.seen >= kLongLeadSeen && reading.likeness.patterned >= kLongLeadPatterned)
+    return true;
   if (votes.predicted >= kManyCells)
     return votes.confirmed >= kLeastConfirmed &&
            reading.lead * votes.confirmed >= kLeastLeadTimesConfirmed;
@@ -292,9 +296,6 @@ bool Recovery::borne_out(const ImageView& image, const Lens& lens, const Recover
 bool Recovery::borne_out_by_edges(const ImageView& image, const Lens& lens,
                                   const Recovered& reading) const {
   const Evidence& evidence = reading.evidence;
-  if (reading.foreign == 0 && reading.lead >= kLongLead && evidence.seen >= kLongLeadSeen &&
-      reading.likeness.patterned >= kLongLeadPatterned)
-    return true;
   const bool telling = evidence.seen >= kTellingEdges && reading.foreign == 0;
   if (cut(image, lens, reading.registration) && !telling && evidence.share() < kLeastCutShare)
     return false;

@@ -373,7 +373,7 @@ bool refine(const ImageView& image, const Lens& lens, const std::vector<Template
   const Quad start = corners_of(registration.image_H_unit);
   Normal8 normal;
   double variance = 0.0;
-  for (const double reach : {2.0, 1.2, 0.8}) {
+  for (const double reach : {4.0, 2.0, 1.2, 0.8}) {
     const std::vector<Match> matches =
         find_steps(image, lens, refined.image_H_unit, edges, kMostAlong, reach, kLeastEdgesSeen,
                    &refined.levels);
