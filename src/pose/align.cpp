@@ -199,7 +199,8 @@ double tukey_loss(double z2) {
   return c2 / 3.0 * (1.0 - q * q * q);
 }
 
-bool clipped(float grey) { return grey >= 255.0F || grey <= 0.0F; }
+constexpr float kBrightest = 255.0F;
+bool clipped(float grey) { return grey >= kBrightest || grey <= 0.0F; }
 
 /// Density of the normal distribution at z over what lies beyond z: the mean of that, too.
 double normal_hazard(double z) {
@@ -801,16 +802,16 @@ class Aligner::Impl {
     const double dark = static_cast<double>(median(black)),
                  bright = static_cast<double>(median(white));
     if (bright - dark < kLeastContrast) return false;
-    // If nearly all is clipped, the level is somewhere beyond.
-    constexpr double kBeyond = 0.5, kNearlyAll = 0.5;
-    const auto all_at = [](const std::vector<float>& greys, float limit) {
+    // If many are clipped, the level is somewhere beyond; noise may have brought others back.
+    constexpr double kBeyond = 0.5, kMany = 0.2;
+    const auto many_at = [](const std::vector<float>& greys, float limit) {
       return static_cast<double>(std::count(greys.begin(), greys.end(), limit)) >
-             kNearlyAll * static_cast<double>(greys.size());
+             kMany * static_cast<double>(greys.size());
     };
     const double beyond = kBeyond * (bright - dark);
     state_.levels.setZero();
-    state_.levels(0) = dark - (all_at(black, 0.0F) ? beyond : 0.0);
-    state_.levels(kWhite - kBlack) = bright + (all_at(white, 255.0F) ? beyond : 0.0);
+    state_.levels(0) = dark - (many_at(black, 0.0F) ? beyond : 0.0);
+    state_.levels(kWhite - kBlack) = bright + (many_at(white, kBrightest) ? beyond : 0.0);
     return true;
   }
 
@@ -946,7 +947,15 @@ class Aligner::Impl {
         const auto [seen, rise, by_log_gamma] = response_.at(white_share_[i]);
         float on_black = gain, on_white = gain;
         if (shaded_) shade(i, gain, plane, parabola, seen, on_black, on_white);
-        const float black = on_black * plane, contrast = on_white * parabola - black;
+        const float black = on_black * plane;
+        float contrast = on_white * parabola - black;
+        const float value = black + contrast * seen;
+        if (value > kBrightest) {
+          // Nothing that is burnt out tells by how much.
+          on_black = on_white = contrast = 0.0F;
+          if (shaded_)
+            for (Eigen::Index c = kShade; c < kUnknowns; ++c) column(c)[i] = 0.0F;
+        }
         const float slope = contrast * rise;
         if (!light_alone_)
           for (Eigen::Index c = 0; c < kGamma; ++c) column(c)[i] *= slope;
@@ -962,14 +971,15 @@ class Aligner::Impl {
         column(kWhite + 3)[i] = both * u * u;
         column(kWhite + 4)[i] = both * u * v;
         column(kWhite + 5)[i] = both * v * v;
-        residuals_[i] = grey_[i] - (black + contrast * seen);
+        residuals_[i] = grey_[i] - std::min(kBrightest, value);
       }
     }
     if (!oriented_ && !light_alone_)
       for (std::size_t i = 0; i < count_; ++i) column(kBlur)[i] += column(kBlur + 2)[i];
     if (spread_ == 0.0) return;
     for (std::size_t i = 0; i < count_; ++i) {
-      const float seen = grey_[i] - residuals_[i];
+      float seen = grey_[i] - residuals_[i];
+      if (seen >= kBrightest) seen = 0.0F;  // more light changes nothing
       lights_[0][i] = seen;
       lights_[1][i] = seen * along_x_[i];
       lights_[2][i] = seen * along_y_[i];
@@ -1012,7 +1022,8 @@ class Aligner::Impl {
         if (w < kWhitish) continue;
         const LevelsAt at = levels_at(static_cast<double>(u_[i]), static_cast<double>(v_[i]));
         const auto black = static_cast<float>(at.black), white = static_cast<float>(at.white);
-        ratios.push_back(grey_[i] / (black + (white - black) * response_.at(w).seen));
+        const float value = black + (white - black) * response_.at(w).seen;
+        if (value < kBrightest) ratios.push_back(grey_[i] / value);
       }
       if (ratios.size() < kLeast) continue;
       patch.gain = std::clamp(static_cast<double>(median(ratios)), 0.05, 20.0);
@@ -1124,6 +1135,7 @@ class Aligner::Impl {
     if (clipped_.empty()) return;
     std::copy_n(residuals_.begin(), count_, pulled_.begin());
     for (const std::size_t i : clipped_) {
+      if (left_[i] == 0.0F) continue;  // the model has it burnt out
       const bool bright = grey_[i] > 128.0F;
       const double sign = bright ? 1.0 : -1.0;
       const double limit = bright ? 254.5 : 0.5;
