@@ -26,11 +26,12 @@ using Eigen::Vector3d;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix26d = Eigen::Matrix<double, 2, 6>;
 
-// What is solved for: (dt, w); the blur's second moments (the first alone where it is round); how
-// the camera's response bends; the levels of black, a plane over the marker, and of white, a
-// parabola; in a shadow, what is left of white's and of black's light, and the shadow's shape.
-constexpr int kPose = 6, kBlur = 6, kGamma = 9, kBlack = 10, kWhite = 13, kShade = 19, kShape = 21,
-              kUnknowns = kShape + ShadowShape::kTerms;
+// What is solved for: (dt, w); the blur's second moments (the first alone where it is round) and
+// its peak, how it differs from a Gaussian's; how the camera's response bends; the levels of black,
+// a plane over the marker, and of white, a parabola; in a shadow, what is left of white's and of
+// black's light, and the shadow's shape.
+constexpr int kPose = 6, kBlur = 6, kPeak = 9, kGamma = 10, kBlack = 11, kWhite = 14, kShade = 20,
+              kShape = 22, kUnknowns = kShape + ShadowShape::kTerms;
 using Row = Eigen::Matrix<double, kUnknowns, 1>;
 using Normal = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 constexpr int kLevels = kShade - kBlack;
@@ -55,6 +56,9 @@ constexpr float kFlat = 0.1F;
 constexpr int kFlatStep = 5;
 // A blur whose second moments differ by less in all directions is round, square pixels.
 constexpr double kRound = 0.15;
+// From this variance on, square pixels, a lens is out of focus: a disc's fourth cumulants are those
+// of a Gaussian plus the biharmonic operator times -1/24 of the squared variance.
+constexpr double kOutOfFocus = 0.8, kUsualPeak = 1.0 / 24.0;
 // A step that changes the blur by less than this share of it is the last.
 constexpr double kSameBlur = 0.15;
 // ... and that of white.
@@ -131,6 +135,7 @@ struct State {
   Matrix3d rotation = Matrix3d::Identity();
   Vector3d translation = Vector3d::Zero();
   Matrix2d blur = kFirstVariance * Matrix2d::Identity();  ///< second moments
+  double peak = 0.0;       ///< of the blur, times the picture's biharmonic, pixels^4
   double log_gamma = 0.0;  ///< of the response: grey ~ light^(1/gamma)
   Levels levels = Levels::Zero();
   double shaded_white = 1.0, shaded_black = 1.0;  ///< what is left of their light in the shadow
@@ -287,7 +292,7 @@ class Aligner::Impl {
     shaded_ = false;
     spread_ = own_lights_ = 0.0;
     scale_ = kUsualNoise;
-    oriented_ = framed_ = false;
+    oriented_ = framed_ = peaked_ = false;
     centre_.setZero();
     trusted_px_ = kTrustedPx;
     const Isometry3d& from = known ? known->camera_T_marker : start;
@@ -312,6 +317,7 @@ class Aligner::Impl {
     const std::optional<double> moved = step(Weights::huber);
     if (!moved) return std::nullopt;
     oriented_ = has_direction();
+    peaked_ = 0.5 * state_.blur.trace() > kOutOfFocus;
     return settles(*moved) ? finish(start, covariance) : std::nullopt;
   }
 
@@ -735,6 +741,20 @@ class Aligner::Impl {
       values->resize(size);
   }
 
+  /// The Laplacian's Laplacian of the picture, at the patch's border that of its neighbours.
+  void take_biharmonic() {
+    PatchPicture::Channel& laplacian = picture_.by_xx;
+    for (std::size_t at = 0; at < laplacian.size(); ++at) laplacian[at] += picture_.by_yy[at];
+    constexpr std::size_t kSide = kPatch;
+    for (std::size_t y = 0; y < kSide; ++y)
+      for (std::size_t x = 0; x < kSide; ++x) {
+        const std::size_t at = std::clamp<std::size_t>(y, 1, kSide - 2) * kSide +
+                               std::clamp<std::size_t>(x, 1, kSide - 2);
+        biharmonic_[y * kSide + x] = laplacian[at - 1] + laplacian[at + 1] + laplacian[at - kSide] +
+                                     laplacian[at + kSide] - 4.0F * laplacian[at];
+      }
+  }
+
   /// What the picked pixels see, and how that depends on the pose and the blur.
   void take_rows(Patch& patch) {
     const std::size_t n = picked_.size();
@@ -757,6 +777,15 @@ class Aligner::Impl {
       by_xx[i] = -0.5F * picture_.by_xx[at];
       by_xy[i] = -picture_.by_xy[at];
       by_yy[i] = -0.5F * picture_.by_yy[at];
+    }
+    if (peaked_) {
+      take_biharmonic();
+      float* by_peak = column(kPeak) + count_;
+      const auto peak = static_cast<float>(state_.peak);
+      for (std::size_t i = 0; i < n; ++i) {
+        by_peak[i] = -biharmonic_[picked_[i]];
+        white_share_[count_ + i] += peak * by_peak[i];
+      }
     }
     // A quantity with a slope over the patch.
     const auto over_patch = [&](double middle, double by_x, double by_y, float* to) {
@@ -1113,6 +1142,7 @@ class Aligner::Impl {
   /// What isn't solved for: a round blur has one unknown; a shadow's shape bears no steps that
   /// nothing checks.
   bool frozen(Eigen::Index k) const {
+    if (k == kPeak && !peaked_) return true;
     if (light_alone_ && k < kBlack) return true;
     if (k == kBlur + 1 || k == kBlur + 2) return !oriented_;
     return k >= kShade && !(shaded_ && (k < kShape || light_alone_));
@@ -1222,6 +1252,11 @@ class Aligner::Impl {
   /// What is known beforehand.
   void add_priors(Normal& normal, Row& pull) const {
     const double noise2 = scale_ * scale_;
+    if (peaked_) {
+      const double usual = kUsualPeak * std::pow(0.5 * painted_.moments().trace(), 2.0);
+      normal(kPeak, kPeak) += noise2 / (usual * usual);
+      pull(kPeak) -= noise2 / (usual * usual) * state_.peak;
+    }
     normal(kGamma, kGamma) += noise2 / (kUsualLogGamma * kUsualLogGamma);
     pull(kGamma) -= noise2 / (kUsualLogGamma * kUsualLogGamma) * state_.log_gamma;
     for (Eigen::Index k = kWhite + 3; k < kShade; ++k) {
@@ -1289,6 +1324,7 @@ class Aligner::Impl {
     if (!(eigen.eigenvalues()(1) < kMostVariance)) return std::nullopt;
     state_.blur = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(kLeastVariance).asDiagonal() *
                   eigen.eigenvectors().transpose();
+    state_.peak += move(kPeak);
     state_.log_gamma = std::clamp(state_.log_gamma + move(kGamma), kLeastLogGamma, kMostLogGamma);
     take_light(move);
     relit_ = std::abs(move(kWhite)) / std::max(1.0, state_.levels(kWhite - kBlack));
@@ -1468,6 +1504,7 @@ class Aligner::Impl {
   Response response_;
   std::optional<Matrix6d> covariance_;  ///< of the state's pose
   bool oriented_ = false;               ///< whether the blur has a direction
+  bool peaked_ = false;                 ///< whether it may differ from a Gaussian
   bool bends_ = false;                  ///< whether the lens bends lines
   double reach_ = 0.0;                  ///< of the blur, pixels
   bool shaded_ = false;                 ///< whether a shadow is part of the model
@@ -1481,6 +1518,7 @@ class Aligner::Impl {
   double reblurred_ = 0.0;  ///< by how much of itself the last step changed the blur
   double relit_ = 0.0;      ///< by how much of itself it changed the level of white
   PatchPicture picture_;
+  PatchPicture::Channel biharmonic_{};
   struct Filed {
     int piece, before;
   };
