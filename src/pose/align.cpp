@@ -57,7 +57,9 @@ constexpr int kFlatStep = 5;
 // A blur whose second moments differ by less in all directions is round, square pixels.
 constexpr double kRound = 0.15;
 // From this variance on, square pixels, a lens is out of focus: a disc's fourth cumulants are those
-// of a Gaussian plus the biharmonic operator times -1/24 of the squared variance.
+// of a Gaussian plus the biharmonic operator times -1/24 of the squared variance. On few patches
+// the tilt could pass for it.
+constexpr std::size_t kFewForPeak = 14;
 constexpr double kOutOfFocus = 0.8, kUsualPeak = 1.0 / 24.0;
 // A step that changes the blur by less than this share of it is the last.
 constexpr double kSameBlur = 0.15;
@@ -317,7 +319,7 @@ class Aligner::Impl {
     const std::optional<double> moved = step(Weights::huber);
     if (!moved) return std::nullopt;
     oriented_ = has_direction();
-    peaked_ = 0.5 * state_.blur.trace() > kOutOfFocus;
+    peaked_ = 0.5 * state_.blur.trace() > kOutOfFocus && patches_.size() > kFewForPeak;
     return settles(*moved) ? finish(start, covariance) : std::nullopt;
   }
 
@@ -701,8 +703,9 @@ class Aligner::Impl {
     const auto height = static_cast<std::size_t>(std::min(kPatch, image_.height() - patch.y));
     const auto width = static_cast<std::size_t>(std::min(kPatch, image_.width() - patch.x));
     std::size_t n = 0;
-    for (std::size_t y = 0; y < height; ++y)
-      for (std::size_t x = 0; x < width; ++x) {
+    const std::size_t rim = peaked_ ? 1 : 0;  // where the biharmonic isn't known
+    for (std::size_t y = rim; y < std::min<std::size_t>(height, kPatch - rim); ++y)
+      for (std::size_t x = rim; x < std::min<std::size_t>(width, kPatch - rim); ++x) {
         const std::size_t at = y * kPatch + x;
         const float gx = picture_.by_x[at], gy = picture_.by_y[at];
         picked_[n] = at;
