@@ -39,7 +39,7 @@ using Levels = Eigen::Matrix<double, kLevels, 1>;
 
 // Of more patches than plenty, those that tell most are looked at, until they tell this share of
 // what all of them do; never more than the most.
-constexpr std::size_t kPlenty = 64, kMostPatches = 160;
+constexpr std::size_t kPlenty = 96, kMostPatches = 192;
 constexpr double kEnough = 0.85;
 // So many make the first, rough step, and so many the next ones, until they hardly move.
 constexpr std::size_t kRoughPatches = 24, kSomePatches = 48;

@@ -44,6 +44,10 @@ constexpr double kMirroredPx = 1.0;
 // What agrees with the picture by so much less isn't worth aligning.
 constexpr double kHardlyLess = 0.03;
 
+// Corners that no pose explains to so many times their noise, root mean square, and that the
+// picture doesn't bear out either, are no marker's.
+constexpr double kHopelessMisfit = 100.0;
+
 // Solutions closer than this, in radians, are one.
 constexpr double kSameSolution = 0.005;
 
@@ -180,8 +184,8 @@ Verdict from_corners(const Group& group, const Evidence& evidence) {
 }
 
 /// Alignment replaces the corners' solution where there is one; where several are possible, the
-/// image and gravity are asked.
-Pose joint_pose(const Group& group, const Evidence& evidence) {
+/// image and gravity are asked. Empty if neither corners nor image bear a pose out.
+std::optional<Pose> joint_pose(const Group& group, const Evidence& evidence) {
   std::vector<Observation> used;
   for (std::size_t k = 0; k < group.members.size(); ++k)
     if (group.pose.used[k]) used.push_back(group.members[k]);
@@ -191,6 +195,8 @@ Pose joint_pose(const Group& group, const Evidence& evidence) {
   if (evidence.outline) evidence.search(verdict, used);
 
   const Solution& first = verdict.first;
+  if (evidence.outline && !first.alignment && group.pose.misfit > kHopelessMisfit)
+    return std::nullopt;
   Pose pose =
       describe(first.camera_T_marker, evidence.parent, used, evidence.detections, evidence.camera);
   pose.covariance = first.covariance;
@@ -250,9 +256,10 @@ std::vector<Pose> estimate_poses(const ImageView& image, const std::vector<Detec
     if (options.align && options.fusion == Fusion::joint && !image.empty())
       evidence.outline.emplace(ink_plan(markers, static_cast<int>(i)));
     for (const Group& group : group_by_sheet(by_parent[i], detections, parent.side_m))
-      poses.push_back(options.fusion == Fusion::paper
-                          ? paper_pose(group, parent.marker.id, detections, camera)
-                          : joint_pose(group, evidence));
+      if (options.fusion == Fusion::paper)
+        poses.push_back(paper_pose(group, parent.marker.id, detections, camera));
+      else if (auto pose = joint_pose(group, evidence))
+        poses.push_back(*std::move(pose));
   }
   std::stable_sort(poses.begin(), poses.end(), [&](const Pose& a, const Pose& b) {
     return seen_area(a, detections) > seen_area(b, detections);
