@@ -19,17 +19,15 @@ using Eigen::Vector3d;
 
 // What bears a reading out. Where its children's cells can be told apart, some black ones of them
 // are seen, few are seen that should be white, and the marker's picture looks more like the image
-// than the next best reading's; the clearer one, the less of the other will do. Of a hundred and
-// fifty squares of another set's markers one has all of this, of markers of which half is covered,
-// all.
+// than the next best reading's; the clearer one, the less of the other will do. In 240 pictures of
+// another set's markers one had all of this, in 120 of half covered ones of the set all but one.
 constexpr int kManyCells = 12;  // of black ones in all children: else there is too little to tell
 constexpr int kFewWrong = 1;
 constexpr int kConfirmedPerWrong = 3;
 constexpr int kLeastConfirmed = 2;
 constexpr double kLeastLead = 16.0;
 constexpr double kLeastLeadTimesConfirmed = 110.0;
-// Without children it is edges of the picture that have to be seen. A long lead with a pattern in
-// it and no edge of another marker says it all.
+// A long lead with a pattern in it and nothing of another marker says it all.
 constexpr double kLongLead = 75.0;
 constexpr int kLongLeadSeen = 4;
 constexpr int kLongLeadPatterned = 20;
@@ -54,7 +52,8 @@ constexpr double kLeastCutShare = 0.5;
 // to it first.
 constexpr std::size_t kRanked = 16;
 constexpr std::size_t kReadings = 4;
-// Blocks with a pattern that the best of them explains before its picture is fitted.
+// Blocks with a pattern that the best of them explains before its picture is fitted; those of a
+// marker of which seven tenths are covered are thirteen and more, but for squares that are far off.
 constexpr int kLeastPatternedAtOnce = 8;
 // A cell shows its colour if it is off by less than this share of the contrast.
 constexpr double kShows = 0.3;
