@@ -47,8 +47,7 @@ constexpr double kWrongRingShare = 0.1;
 
 // The smallest side of a parent that is read in spite of a shadow's edge, in pixels.
 constexpr double kLeastShadedSide = 28.0;
-// Light that may be anything explains more, so the cells have to be the more alike.
-constexpr double kLeastShadedQuality = 0.85;
+
 // The smallest side of a partly covered marker, in pixels.
 constexpr double kLeastCoveredSide = 80.0;
 // Squares whose corners lie no farther apart than this share of their side are one.
