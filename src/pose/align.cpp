@@ -44,9 +44,7 @@ constexpr double kEnough = 0.85;
 // So many make the first, rough step, and so many the next ones, until they hardly move.
 constexpr std::size_t kRoughPatches = 24, kSomePatches = 48;
 // Between refills, alignments may look at so many samples, each as often as it is looked at.
-constexpr std::size_t kMostLooks = 200000;
-// A light of its own is fitted to so many samples first.
-constexpr std::size_t kLightSamples = 2500;
+constexpr std::size_t kMostLooks = 1000000;
 constexpr double kMiddle = 0.5 * (kPatch - 1);  // of a patch
 constexpr std::size_t kLeastSamples = 60;
 // The blur at first, and what it may be: variances in square pixels.
@@ -262,7 +260,7 @@ class Aligner::Impl {
       if (spent() && best) break;
       // If all fits but for a little unevenness, it's no shadow.
       if (light == LightModel::shadow && best && best->share > kPlainShare) continue;
-      std::optional<Alignment> next = run(light, start, start_covariance, best);
+      std::optional<Alignment> next = run(light, start, start_covariance);
       if (!next) continue;
       const bool fits = next->share > kPlainShare && next->evenness < even_enough();
       next->plain = fits && light == LightModel::even;
@@ -286,10 +284,8 @@ class Aligner::Impl {
     return found.share / (found.noise * std::sqrt(std::max(1.0, found.evenness)));
   }
 
-  /// `known` is what another light has led to.
   std::optional<Alignment> run(LightModel light, const Isometry3d& start,
-                               const std::optional<Matrix6d>& covariance,
-                               const std::optional<Alignment>& known) {
+                               const std::optional<Matrix6d>& covariance) {
     light_ = light;
     shaded_ = false;
     spread_ = own_lights_ = 0.0;
@@ -297,16 +293,15 @@ class Aligner::Impl {
     oriented_ = framed_ = peaked_ = false;
     centre_.setZero();
     trusted_px_ = kTrustedPx;
-    const Isometry3d& from = known ? known->camera_T_marker : start;
-    state_ = State{from.linear(), from.translation()};
-    covariance_ = known ? known->covariance : covariance;
+    state_ = State{start.linear(), start.translation()};
+    covariance_ = covariance;
     if (!lay_patches() || trusted_px_ > kMostTrustedPx) return std::nullopt;
     if (trusted_px_ * trusted_px_ > kFirstVariance) {
       // A pose that is only roughly right is seen better by a blurred eye.
       state_.blur *= trusted_px_ * trusted_px_ / kFirstVariance;
       if (!lay_patches()) return std::nullopt;
     }
-    choose_patches(light == LightModel::even ? kRoughPatches : kPlenty, 1.0);
+    choose_patches(light == LightModel::even ? kRoughPatches : kMostPatches, 1.0);
     if (!linearise() || !first_levels()) return std::nullopt;
     if (light != LightModel::even) {
       shaded_ = first_shadow();
@@ -326,12 +321,12 @@ class Aligner::Impl {
   /// Steps until they hardly move, with some of the patches first, with all that are wanted at
   /// last. `moved` is by how much the first one did, pixels.
   bool settles(double moved) {
-    constexpr int kSteps = 10;
+    constexpr int kSteps = 12;
     constexpr double kSamePlace = 0.3;  // pixels: patches may stay where they are
     constexpr double kNearPx = 0.15;    // steps that move less call for all patches
-    constexpr int kMostIdle = 3;
+    constexpr int kMostIdle = 12;
     constexpr double kNearer = 0.7;
-    const std::size_t few = light_ == LightModel::even ? kSomePatches : kPlenty;
+    const std::size_t few = light_ == LightModel::even ? kSomePatches : kMostPatches;
     bool finely = false;
     int idle = 0;  // steps that came no nearer
     for (int i = 0; i < kSteps && idle < kMostIdle && !spent(); ++i) {
@@ -644,7 +639,7 @@ class Aligner::Impl {
         order_.push_back(k);
         all += patches_[k].merit;
       }
-    if (order_.size() <= kRoughPatches) return spread_order();
+    if (order_.size() <= kRoughPatches) return;
     std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
       return patches_[a].merit > patches_[b].merit;
     });
@@ -655,16 +650,6 @@ class Aligner::Impl {
     }
     order_.resize(count);
     std::sort(order_.begin(), order_.end());
-    spread_order();
-  }
-
-  /// So that any head of the list lies all over the marker.
-  void spread_order() {
-    constexpr std::size_t kStride = 5;
-    picked_.assign(order_.begin(), order_.end());
-    std::size_t n = 0;
-    for (std::size_t first = 0; first < kStride; ++first)
-      for (std::size_t k = first; k < picked_.size(); k += kStride) order_[n++] = picked_[k];
   }
 
   // --- what is compared --------------------------------------------------------------------------
@@ -874,9 +859,6 @@ class Aligner::Impl {
     constexpr double kSettled = 1e-4;  // of the misfit
     constexpr double kMostDamping = 1e4;
     light_alone_ = true;
-    const std::size_t all_samples = count_;
-    whole_order_ = order_;
-    keep_head();
     linearise_levels();
     double cost = misfit();
     damping_ = 0.01;
@@ -900,16 +882,6 @@ class Aligner::Impl {
     }
     damping_ = 0.0;
     light_alone_ = false;
-    order_.swap(whole_order_);
-    count_ = all_samples;
-  }
-
-  /// The first patches, as many as light is fitted to.
-  void keep_head() {
-    std::size_t kept = 0;
-    for (count_ = 0; kept < order_.size() && count_ < kLightSamples; ++kept)
-      count_ += patches_[order_[kept]].count;
-    order_.resize(kept);
   }
 
   /// How much steeper than said the shadow's edge is: what fits best of some.
@@ -1535,7 +1507,7 @@ class Aligner::Impl {
   std::vector<Node> nodes_;
   std::vector<std::size_t> picked_;
   std::vector<Patch> patches_;
-  std::vector<std::size_t> order_, whole_order_;
+  std::vector<std::size_t> order_;
   std::size_t trusted_ = 0;
   double trusted_px_ = kTrustedPx;
 
