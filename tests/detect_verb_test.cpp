@@ -184,6 +184,58 @@ TEST_F(DetectVerb, WritesALineAFrameAsAgreed) {
   }
 }
 
+TEST_F(DetectVerb, TellsOfASecondSolutionWhereTheImageDoesNotDecide) {
+  // Markers of some 16 pixels, tilted a little: the corners of both solutions look almost alike.
+  constexpr int kFrames = 12;
+  std::string stream;
+  std::vector<Eigen::Isometry3d> truths;
+  for (int i = 0; i < kFrames; ++i) {
+    lab::Scene scene;
+    scene.camera = camera_;
+    scene.noise_sigma = 3.0;
+    truths.push_back(lab::look_at_marker({0.25, 0.25}, 12.0, 0.3, 0.5 * i, 0.3 * i));
+    scene.parents.push_back({0, truths.back()});
+    stream += pgm(lab::render(scene, markers_, static_cast<std::uint64_t>(i)));
+  }
+  write_file(folder_ / "small.pgm", stream);
+  const CommandResult result =
+      detect("--corners-only 'pgm:" + (folder_ / "small.pgm").string() + "'");
+  ASSERT_EQ(result.status, 0) << result.errors;
+  const std::vector<json> lines = json_lines(result.output);
+  ASSERT_EQ(lines.size(), static_cast<std::size_t>(kFrames));
+  const auto rotation_of = [](const json& solution) {
+    Eigen::Matrix3d rotation;
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j)
+        rotation(i, j) =
+            solution["rotation"][static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
+    return rotation;
+  };
+  const auto away_from = [](const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
+    return Eigen::AngleAxisd(a.transpose() * b).angle();
+  };
+  int undecided = 0;
+  for (int i = 0; i < kFrames; ++i) {
+    const json& poses = lines[static_cast<std::size_t>(i)]["poses"];
+    if (poses.empty() || !poses[0].contains("alternative")) continue;
+    ++undecided;
+    const json& other = poses[0]["alternative"];
+    EXPECT_GE(other["log_likelihood_ratio"], 0.0);
+    EXPECT_LE(other["log_likelihood_ratio"], 6.0);
+    ASSERT_EQ(other["translation"].size(), 3U);
+    EXPECT_NEAR(other["translation"][2], truths[static_cast<std::size_t>(i)].translation().z(),
+                1.5);
+    const Eigen::Matrix3d first = rotation_of(poses[0]);
+    const Eigen::Matrix3d second = rotation_of(other);
+    EXPECT_NEAR((second.transpose() * second - Eigen::Matrix3d::Identity()).norm(), 0.0, 1e-9);
+    EXPECT_GT(away_from(first, second), 0.1);
+    // One of them is about the truth.
+    const Eigen::Matrix3d truth = truths[static_cast<std::size_t>(i)].linear();
+    EXPECT_LT(std::min(away_from(first, truth), away_from(second, truth)), 0.3) << "frame " << i;
+  }
+  EXPECT_GE(undecided, 6);
+}
+
 TEST_F(DetectVerb, PaperFusionKnowsNoCovariance) {
   write_file(folder_ / "a.pgm", pgm(frame(0)));
   const CommandResult result = detect("--fusion paper " + path("a.pgm"));
