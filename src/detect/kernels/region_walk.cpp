@@ -111,7 +111,7 @@ HWY_INLINE Mask goes_on(Lane at, Lane tolerance, Lane& extreme, Lane& inwards) {
 }
 
 /// Puts those lanes that go on behind those before them. Whole vectors: storing single lanes is
-/// slow on some machines, and what lies behind has been read.
+/// slow on some machines, and what lies behind has been read. The lanes beyond hold anything.
 HWY_INLINE void store_kept(Lane lanes, Mask kept, std::int32_t* to) {
   hn::StoreU(hn::Compress(lanes, kept), kLanes, to);
 }
@@ -221,6 +221,9 @@ void walk_together(const RegionMap& map, Walks& walks, std::size_t count, std::u
       store_kept(index, walks_on, walks.index + kept);
       kept += hn::CountTrue(kLanes, walks_on);
     }
+    // What fills up the last lanes has to be readable.
+    for (auto* list : {&walks.offset, &walks.left, &walks.right})
+      hn::StoreU(zero, kLanes, *list + kept);
     count = kept;
   }
   for (std::size_t i = 0; i < count; ++i) survives[walks.index[i]] = 1;
@@ -232,7 +235,7 @@ void walk_regions_simd(const RegionMap& map, const RegionStart* starts, std::siz
   Walks walks;
   for (std::size_t first = 0; first < count; first += kTogether) {
     const std::size_t together = std::min(kTogether, count - first);
-    // What fills up the last lanes has to be readable.
+    // Likewise.
     for (std::size_t i = 0; i < together + kMostLanes; ++i) {
       const RegionStart& start = starts[first + std::min(i, together - 1)];
       walks.offset[i] = static_cast<std::int32_t>(start.y * map.stride);
