@@ -70,8 +70,10 @@ System streaming_pass() {
           [] { return Readings(); }};
 }
 
-System ours(const MarkerSet& markers) {
-  auto detector = std::make_shared<Detector>(markers);
+System ours(const MarkerSet& markers, double min_side_px) {
+  DetectorOptions options;
+  options.min_side_px = min_side_px;
+  auto detector = std::make_shared<Detector>(markers, options);
   auto found = std::make_shared<std::vector<Detection>>();
   return {"HArCo", kOften, [=](const Image& image) { *found = detector->detect(image.view()); },
           [found] {
@@ -283,6 +285,7 @@ int main(int argc, char** argv) {
   std::vector<int> counts;
   int frames = 8;
   int repeats = 3;
+  double min_side = DetectorOptions().min_side_px;
   bool only_ours = false;
   std::string csv;
   app.add_option("--sizes", sizes, "WIDTHxHEIGHT ...")->capture_default_str();
@@ -293,6 +296,9 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0, 30));
   app.add_option("--frames", frames, "of each kind")->capture_default_str();
   app.add_option("--repeats", repeats, "of each frame, and five times as many of what is quick")
+      ->capture_default_str();
+  app.add_option("--min-side", min_side, "of the markers that ours looks for, px")
+      ->check(CLI::Range(4.0, 1000.0))
       ->capture_default_str();
   app.add_flag("--only-ours", only_ours, "ours and the streaming pass, none of the rivals");
   app.add_option("--csv", csv, "writes the table to this file as well");
@@ -320,7 +326,7 @@ int main(int argc, char** argv) {
   const MarkerSet markers = bench::apriltag_set();
   std::vector<System> systems;
   systems.push_back(streaming_pass());
-  systems.push_back(ours(markers));
+  systems.push_back(ours(markers, min_side));
   if (!only_ours) {
     systems.push_back(opencv("OpenCV ArUco", cv::aruco::CORNER_REFINE_NONE, false));
     systems.push_back(opencv("OpenCV ArUco, sub-pixel", cv::aruco::CORNER_REFINE_SUBPIX, false));
