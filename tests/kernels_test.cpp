@@ -1,4 +1,6 @@
 // Every kernel gives the same bytes as its plain twin, on every instruction set of this machine.
+#include <algorithm>
+#include <array>
 #include <cstdint>
 #include <random>
 #include <string>
@@ -219,28 +221,191 @@ std::vector<float> random_floats(std::size_t count, std::uint32_t seed) {
   return values;
 }
 
-TEST(Kernels, WeightedProductsAreTheSameOnEveryTarget) {
-  using harco::kernels::weighted_products;
-  for (std::size_t count = 0; count < 40; ++count) {
-    const auto weights = random_floats(count, 1), row = random_floats(count, 2);
-    std::vector<std::vector<float>> columns;
-    std::vector<const float*> pointers;
-    for (std::uint32_t k = 0; k < 7; ++k) columns.push_back(random_floats(count, 3 + k));
-    for (const auto& column : columns) pointers.push_back(column.data());
+/// Columns of random numbers of one length.
+struct Columns {
+  std::vector<std::vector<float>> values;
+  std::vector<float*> pointers;
+
+  Columns(std::size_t n, std::size_t count, std::uint32_t seed) {
+    for (std::uint32_t k = 0; k < n; ++k) values.push_back(random_floats(count, seed + k));
+    for (auto& column : values) pointers.push_back(column.data());
+  }
+  const float* const* data() const { return pointers.data(); }
+  double at(std::size_t k, std::size_t i) const { return static_cast<double>(values[k][i]); }
+};
+
+TEST(Kernels, NormalProductsAreTheSameOnEveryTarget) {
+  constexpr std::size_t kColumns = 7;
+  for (const std::size_t count : {0U, 1U, 15U, 16U, 39U, 512U, 1100U}) {
+    const auto weights = random_floats(count, 1);
+    const Columns columns(kColumns, count, 2);
     const auto compute = [&] {
-      std::vector<float> scratch(count), sums(columns.size());
-      weighted_products(weights.data(), row.data(), pointers.data(), columns.size(), count,
-                        scratch.data(), sums.data());
+      std::vector<float> sums(kColumns * kColumns);
+      harco::kernels::normal_products(weights.data(), columns.data(), kColumns, count, sums.data());
       return sums;
     };
     expect_same_bits(compute);
     const std::vector<float> sums = compute();
-    for (std::size_t k = 0; k < columns.size(); ++k) {
-      double sum = 0.0;
-      for (std::size_t i = 0; i < count; ++i)
-        sum += static_cast<double>(weights[i]) * static_cast<double>(row[i]) *
-               static_cast<double>(columns[k][i]);
-      EXPECT_NEAR(static_cast<double>(sums[k]), sum, 1e-5);
+    for (std::size_t a = 1; a < kColumns; ++a)
+      for (std::size_t b = 0; b <= a; ++b) {
+        double sum = 0.0;
+        for (std::size_t i = 0; i < count; ++i)
+          sum += static_cast<double>(weights[i]) * columns.at(a, i) * columns.at(b, i);
+        EXPECT_NEAR(static_cast<double>(sums[a * kColumns + b]), sum, 2e-5);
+      }
+  }
+}
+
+TEST(Kernels, RowsAreSubtractedTheSameOnEveryTarget) {
+  for (const std::size_t count : {0U, 7U, 64U, 1500U}) {
+    const auto from = random_floats(count, 1), by = random_floats(3, 2);
+    const Columns columns(3, count, 3);
+    const auto compute = [&] {
+      std::vector<float> left(count + 1);
+      harco::kernels::subtract_rows(from.data(), columns.data(), by.data(), 3, count, left.data());
+      return left;
+    };
+    expect_same_bits(compute);
+    const std::vector<float> left = compute();
+    for (std::size_t i = 0; i < count; ++i) {
+      double expected = static_cast<double>(from[i]);
+      for (std::size_t k = 0; k < 3; ++k) expected -= static_cast<double>(by[k]) * columns.at(k, i);
+      EXPECT_NEAR(static_cast<double>(left[i]), expected, 1e-5);
+    }
+  }
+}
+
+TEST(Kernels, WeightsByHand) {
+  const std::vector<float> residuals{0.0F, 1.0F, -4.0F, 8.0F, -100.0F};
+  std::vector<float> weights(residuals.size());
+  harco::kernels::huber_weights(residuals.data(), 0.25F, residuals.size(), weights.data());
+  EXPECT_EQ(weights, (std::vector<float>{1.0F, 1.0F, 0.5F, 0.25F, 0.02F}));
+  harco::kernels::tukey_weights(residuals.data(), 0.25F, 1.0F / 16.0F, residuals.size(),
+                                weights.data());
+  EXPECT_EQ(weights, (std::vector<float>{1.0F, 0.96899414F, 0.5625F, 0.0F, 0.0F}));
+}
+
+TEST(Kernels, WeightsAreTheSameOnEveryTarget) {
+  for (std::size_t count = 0; count < 40; ++count) {
+    const auto residuals = random_floats(count, 1);
+    expect_same_bits([&] {
+      std::vector<float> weights(2 * count + 1);
+      harco::kernels::huber_weights(residuals.data(), 7.0F, count, &weights[0]);
+      harco::kernels::tukey_weights(residuals.data(), 7.0F, 0.2F, count, &weights[count]);
+      return weights;
+    });
+  }
+}
+
+TEST(Kernels, FlowRowsAreTheSameOnEveryTarget) {
+  const std::array<harco::kernels::Flow, 2> flows{
+      {{{0.5F, 0.1F, -0.2F}, {1.0F, 0.0F, 0.3F}}, {{-0.25F, 0.0F, 0.0F}, {2.0F, 0.7F, 0.0F}}}};
+  for (std::size_t count = 1; count < 40; ++count) {
+    const Columns g(4, count, 1);
+    const auto compute = [&] {
+      std::vector<float> rows(2 * count);
+      const std::array<float*, 2> to{&rows[0], &rows[count]};
+      harco::kernels::flow_rows({g.data()[0], g.data()[1], g.data()[2], g.data()[3]}, flows.data(),
+                                2, count, to.data());
+      return rows;
+    };
+    expect_same_bits(compute);
+    const std::vector<float> rows = compute();
+    for (std::size_t k = 0; k < 2; ++k)
+      for (std::size_t i = 0; i < count; ++i) {
+        const auto along = [&](const float* f) {
+          return static_cast<double>(f[0]) + static_cast<double>(f[1]) * g.at(2, i) +
+                 static_cast<double>(f[2]) * g.at(3, i);
+        };
+        EXPECT_NEAR(static_cast<double>(rows[k * count + i]),
+                    g.at(0, i) * along(flows[k].x) + g.at(1, i) * along(flows[k].y), 1e-6);
+      }
+  }
+}
+
+/// Samples in a light, as light_rows wants them.
+struct LitPixels {
+  static constexpr std::size_t kColumns = 13, kPictured = 1;
+  static constexpr int kCells = 4;
+  std::vector<float> grey, white_share, u, v, depth, residuals;
+  Columns columns;
+  std::vector<float> seen{0.0F, 0.3F, 0.6F, 0.8F, 1.0F}, slope{1.2F, 1.2F, 1.0F, 0.8F, 0.8F},
+      by_log_gamma{0.0F, 0.2F, 0.3F, 0.2F, 0.0F};
+
+  explicit LitPixels(std::size_t count)
+      : grey(random_floats(count, 1)),
+        white_share(random_floats(count, 2)),
+        u(random_floats(count, 3)),
+        v(random_floats(count, 4)),
+        depth(random_floats(count, 5)),
+        residuals(count),
+        columns(kColumns, count, 6) {
+    for (float& value : grey) value = 128.0F + 127.0F * value;
+    for (float& value : white_share) value = 0.5F + 0.6F * value;  // some beyond 0 ... 1
+    for (float& value : depth) value = 0.5F + 0.5F * value;
+  }
+
+  harco::kernels::LightTerms terms() const {
+    return {seen.data(),
+            slope.data(),
+            by_log_gamma.data(),
+            kCells,
+            {30.0F, 2.0F, -3.0F, 200.0F, 10.0F, 20.0F, 4.0F, -6.0F, 8.0F},
+            0.15F,
+            0.4F,
+            0.3F,
+            kPictured};
+  }
+
+  /// All that light_rows leaves.
+  std::vector<float> lit(bool shaded, float gain) {
+    harco::kernels::light_rows(
+        {grey.data(), white_share.data(), u.data(), v.data(), shaded ? depth.data() : nullptr,
+         columns.pointers.data(), residuals.data()},
+        terms(), gain, 0, grey.size());
+    std::vector<float> all = residuals;
+    for (const auto& column : columns.values) all.insert(all.end(), column.begin(), column.end());
+    return all;
+  }
+};
+
+TEST(Kernels, LitRowsAreTheSameOnEveryTarget) {
+  for (const std::size_t count : {1U, 7U, 16U, 39U})
+    for (const bool shaded : {false, true})
+      expect_same_bits([&] { return LitPixels(count).lit(shaded, 1.1F); });
+}
+
+TEST(Kernels, LitRowsAreDerivativesOfGreys) {
+  // By the levels of black (columns 2 to 4) and of white (5 to 10), and what a shadow takes (11,
+  // 12).
+  constexpr std::size_t kCount = 30;
+  LitPixels at(kCount);
+  at.lit(true, 0.9F);
+  const auto value = [&](std::size_t i, const harco::kernels::LightTerms& t) {
+    const double w = std::clamp(static_cast<double>(at.white_share[i]), 0.0, 1.0) * t.cells;
+    const auto cell = std::min<std::size_t>(static_cast<std::size_t>(w), LitPixels::kCells - 1);
+    const double part = w - static_cast<double>(cell);
+    const double seen = (1.0 - part) * static_cast<double>(t.seen[cell]) +
+                        part * static_cast<double>(t.seen[cell + 1]);
+    std::array<double, 9> l{};
+    for (std::size_t k = 0; k < l.size(); ++k) l[k] = static_cast<double>(t.levels[k]);
+    const auto u = static_cast<double>(at.u[i]), v = static_cast<double>(at.v[i]);
+    const double bow = l[6] * u * u + l[7] * u * v + l[8] * v * v;
+    const double black = l[0] + l[1] * u + l[2] * v + static_cast<double>(t.dark_part) * bow;
+    const double white = l[3] + l[4] * u + l[5] * v + bow;
+    const auto depth = static_cast<double>(at.depth[i]);
+    return 0.9 * ((1.0 - depth * static_cast<double>(t.less_black)) * (1.0 - seen) * black +
+                  (1.0 - depth * static_cast<double>(t.less_white)) * seen * white);
+  };
+  for (std::size_t i = 0; i < kCount; ++i) {
+    const double grey = value(i, at.terms());
+    ASSERT_LT(grey, 255.0);
+    EXPECT_NEAR(static_cast<double>(at.grey[i] - at.residuals[i]), grey, 1e-3);
+    for (std::size_t k = 0; k < 11; ++k) {
+      harco::kernels::LightTerms more = at.terms();
+      float& moved = k < 9 ? more.levels[k] : k == 9 ? more.less_white : more.less_black;
+      moved += k < 9 ? 1.0F : -1.0F;
+      EXPECT_NEAR(at.columns.at(2 + k, i), value(i, more) - grey, 1e-3) << k;
     }
   }
 }

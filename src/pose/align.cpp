@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <numbers>
 #include <vector>
@@ -12,6 +13,7 @@
 #include <Eigen/LU>
 
 #include "pose/kernels/patch_loops.hpp"
+#include "pose/light_fit.hpp"
 #include "pose/refine.hpp"
 #include "pose/shade.hpp"
 
@@ -29,13 +31,12 @@ using Matrix26d = Eigen::Matrix<double, 2, 6>;
 // What is solved for: (dt, w); the blur's second moments (the first alone where it is round) and
 // its peak, how it differs from a Gaussian's; how the camera's response bends; the levels of black,
 // a plane over the marker, and of white, a parabola; in a shadow, what is left of white's and of
-// black's light, and the shadow's shape.
+// black's light.
 constexpr int kPose = 6, kBlur = 6, kPeak = 9, kGamma = 10, kBlack = 11, kWhite = 14, kShade = 20,
-              kShape = 22, kUnknowns = kShape + ShadowShape::kTerms;
+              kUnknowns = 22;
 using Row = Eigen::Matrix<double, kUnknowns, 1>;
 using Normal = Eigen::Matrix<double, kUnknowns, kUnknowns>;
-constexpr int kLevels = kShade - kBlack;
-using Levels = Eigen::Matrix<double, kLevels, 1>;
+static_assert(kShade - kBlack == Light::kLevels);
 
 // Of more patches than plenty, those that tell most are looked at, until they tell this share of
 // what all of them do; never more than the most.
@@ -66,11 +67,7 @@ constexpr double kSameLight = 0.02;
 // Beyond so many sigmas of the blur, an edge isn't seen any more.
 constexpr double kTail = 3.0;
 // About what to expect of the logarithm of the response's exponent, and what it may be.
-constexpr double kUsualBow = 0.04;  // of the light over the marker, as a share of it
-constexpr double kUsualTint =
-    0.3;  // how much more of black's light than of white's a shadow leaves
-constexpr double kMostShape = 100.0;  // by which the shadow's shape changes in a step
-constexpr double kUsualNoise = 2.0;   // grey levels, before it is known
+constexpr double kUsualNoise = 2.0;  // grey levels, before it is known
 constexpr double kUsualLogGamma = 0.5, kLeastLogGamma = -0.4, kMostLogGamma = 1.1;
 // Tukey's constant: residuals of so many times the noise have no weight.
 constexpr float kTukey = 4.685F;
@@ -134,13 +131,15 @@ struct Patch {
 struct State {
   Matrix3d rotation = Matrix3d::Identity();
   Vector3d translation = Vector3d::Zero();
+  std::optional<Matrix6d> covariance;                     ///< of the pose
+  Vector2d centre = Vector2d::Zero();                     ///< the middle, in the parent's plane
+  bool oriented = false;                                  ///< whether the blur has a direction
+  bool peaked = false;                                    ///< whether it may differ from a Gaussian
+  bool shaded = false;                                    ///< whether a shadow is part of the model
   Matrix2d blur = kFirstVariance * Matrix2d::Identity();  ///< second moments
   double peak = 0.0;       ///< of the blur, times the picture's biharmonic, pixels^4
   double log_gamma = 0.0;  ///< of the response: grey ~ light^(1/gamma)
-  Levels levels = Levels::Zero();
-  double shaded_white = 1.0, shaded_black = 1.0;  ///< what is left of their light in the shadow
-  Eigen::Matrix<double, ShadowShape::kTerms, 1> shape =
-      Eigen::Matrix<double, ShadowShape::kTerms, 1>::Zero();  ///< of the shadow
+  Light light;
 };
 
 /// What a camera whose grey values go with the power 1/gamma of the light makes of a mixture of
@@ -162,17 +161,20 @@ class Response {
     }
   }
 
-  struct Value {
-    float seen, slope, by_log_gamma;
-  };
-  Value at(float white_share) const {
+  float seen(float white_share) const {
     const float place = std::clamp(white_share, 0.0F, 1.0F) * static_cast<float>(kCells);
     const auto cell = std::min(static_cast<std::size_t>(place), kCells - 1);
     const float part = place - static_cast<float>(cell);
-    const auto between = [&](const Table& table) {
-      return table[cell] + part * (table[cell + 1] - table[cell]);
-    };
-    return {between(seen_), between(slope_), between(by_log_gamma_)};
+    return seen_[cell] + part * (seen_[cell + 1] - seen_[cell]);
+  }
+
+  /// Tables over the share of white, in steps of 1 / kCells: what is seen, how that changes with
+  /// the share and with the response.
+  void tell(kernels::LightTerms& terms) const {
+    terms.seen = seen_.data();
+    terms.slope = slope_.data();
+    terms.by_log_gamma = by_log_gamma_.data();
+    terms.cells = static_cast<int>(kCells);
   }
 
  private:
@@ -191,11 +193,6 @@ class Response {
 
   Table seen_{}, slope_{}, by_log_gamma_{};
 };
-
-float tukey_weight(float z2) {
-  const float q = std::max(0.0F, 1.0F - z2 / (kTukey * kTukey));
-  return q * q;
-}
 
 /// Tukey's loss: z^2 for small z, constant far out.
 double tukey_loss(double z2) {
@@ -250,24 +247,32 @@ class Aligner::Impl {
  public:
   std::optional<Alignment> align(const ImageView& image, const InkOutline& outline, double quiet,
                                  const Camera& camera, const Isometry3d& start,
-                                 const std::optional<Matrix6d>& start_covariance) {
+                                 const std::optional<Matrix6d>& start_covariance,
+                                 const std::optional<Alignment>& rival) {
     image_ = image;
     outline_ = &outline;
     quiet_ = quiet;
     camera_ = camera;
-    std::optional<Alignment> best;
-    for (const LightModel light : {LightModel::even, LightModel::shadow, LightModel::uneven}) {
-      if (spent() && best) break;
-      // If all fits but for a little unevenness, it's no shadow.
-      if (light == LightModel::shadow && best && best->share > kPlainShare) continue;
-      std::optional<Alignment> next = run(light, start, start_covariance);
-      if (!next) continue;
-      const bool fits = next->share > kPlainShare && next->evenness < even_enough();
-      next->plain = fits && light == LightModel::even;
-      if (!best || goodness(*next) > goodness(*best)) best = next;
-      if (fits) break;
+    start_ = start;
+    start_covariance_ = start_covariance;
+    std::optional<Settled> best = run(LightModel::even);
+    // If all fits but for a little unevenness, it's no shadow.
+    const bool lit = best && best->alignment.share > kPlainShare;
+    const bool plain = lit && best->alignment.evenness < kMostEven;
+    const bool shadow = !lit && (!rival || rival->shaded);
+    if (!fits(best) && shadow) prefer(best, run(LightModel::shadow));
+    if (!fits(best) && !(best && spent())) {
+      if (best && (plain || rival || best->state.shaded))
+        prefer(best, unevenly(*best));
+      else if (!rival)
+        prefer(best, run(LightModel::uneven));
     }
-    return best;
+    if (!best) return std::nullopt;
+    best->alignment.plain = plain;
+    best->alignment.fits =
+        best->alignment.share > kPlainShare && best->alignment.evenness < kMostEven;
+    best->alignment.shaded = best->state.shaded;
+    return best->alignment;
   }
 
   void refill() { looks_ = 0; }
@@ -280,21 +285,42 @@ class Aligner::Impl {
     return std::min(kMostEven, kEven + chance);
   }
 
+  struct Settled {
+    Alignment alignment;
+    State state;
+  };
+
+  bool fits(const std::optional<Settled>& found) const {
+    return found && found->alignment.share > kPlainShare &&
+           found->alignment.evenness < even_enough();
+  }
+
+  static void prefer(std::optional<Settled>& best, const std::optional<Settled>& next) {
+    if (next && (!best || goodness(next->alignment) > goodness(best->alignment))) best = next;
+  }
+
   static double goodness(const Alignment& found) {
     return found.share / (found.noise * std::sqrt(std::max(1.0, found.evenness)));
   }
 
-  std::optional<Alignment> run(LightModel light, const Isometry3d& start,
-                               const std::optional<Matrix6d>& covariance) {
+  /// From what settled in another light: patches have lights of their own besides.
+  std::optional<Settled> unevenly(const Settled& from) {
+    light_ = LightModel::uneven;
+    state_ = from.state;
+    reblurred_ = 0.0;
+    return lay_patches() && settles(0.0) ? finish() : std::nullopt;
+  }
+
+  std::optional<Settled> run(LightModel light) {
     light_ = light;
-    shaded_ = false;
     spread_ = own_lights_ = 0.0;
     scale_ = kUsualNoise;
-    oriented_ = framed_ = peaked_ = false;
-    centre_.setZero();
+    framed_ = false;
     trusted_px_ = kTrustedPx;
-    state_ = State{start.linear(), start.translation()};
-    covariance_ = covariance;
+    state_ = State();
+    state_.rotation = start_.linear();
+    state_.translation = start_.translation();
+    state_.covariance = start_covariance_;
     if (!lay_patches() || trusted_px_ > kMostTrustedPx) return std::nullopt;
     if (trusted_px_ * trusted_px_ > kFirstVariance) {
       // A pose that is only roughly right is seen better by a blurred eye.
@@ -304,50 +330,46 @@ class Aligner::Impl {
     choose_patches(light == LightModel::even ? kRoughPatches : kMostPatches, 1.0);
     if (!linearise() || !first_levels()) return std::nullopt;
     if (light != LightModel::even) {
-      shaded_ = first_shadow();
-      if (!shaded_ && light == LightModel::shadow) return std::nullopt;
-      if (shaded_) state_.shape *= best_steepness();
+      state_.shaded = first_shadow();
+      if (!state_.shaded && light == LightModel::shadow) return std::nullopt;
+      if (state_.shaded) steepen_shadow();
     }
-    oriented_ = true;
-    if (shaded_) fit_light();
+    state_.oriented = true;
+    if (state_.shaded) fit_light();
     linearise_levels();
     const std::optional<double> moved = step(Weights::huber);
     if (!moved) return std::nullopt;
-    oriented_ = has_direction();
-    peaked_ = 0.5 * state_.blur.trace() > kOutOfFocus && patches_.size() > kFewForPeak;
-    return settles(*moved) ? finish(start, covariance) : std::nullopt;
+    state_.oriented = has_direction();
+    state_.peaked = 0.5 * state_.blur.trace() > kOutOfFocus && patches_.size() > kFewForPeak;
+    return settles(*moved) ? finish() : std::nullopt;
   }
 
   /// Steps until they hardly move, with some of the patches first, with all that are wanted at
   /// last. `moved` is by how much the first one did, pixels.
   bool settles(double moved) {
-    constexpr int kSteps = 12;
+    constexpr int kSteps = 8;
     constexpr double kSamePlace = 0.3;  // pixels: patches may stay where they are
     constexpr double kNearPx = 0.15;    // steps that move less call for all patches
-    constexpr int kMostIdle = 12;
-    constexpr double kNearer = 0.7;
     const std::size_t few = light_ == LightModel::even ? kSomePatches : kMostPatches;
     bool finely = false;
-    int idle = 0;  // steps that came no nearer
-    for (int i = 0; i < kSteps && idle < kMostIdle && !spent(); ++i) {
+    for (int i = 0; i < kSteps && !spent(); ++i) {
       const bool all = trusted_ == patches_.size();
       const std::size_t before = trusted_;
       const bool more = !finely && all && moved < kNearPx;
       finely |= more;
-      if (i > 0 && !more && all && moved < kSamePlace && reblurred_ < kSameBlur) {
-        look_again();
-      } else {
-        if (!lay_patches()) return false;
+      const bool stay = all && moved < kSamePlace && reblurred_ < kSameBlur;
+      if (!stay && !lay_patches()) return false;
+      if (!stay || more) {
         choose_patches(finely ? kMostPatches : few, kEnough);
         finely |= order_.size() == patches_.size();
       }
+      if (stay) look_again();
       if (!linearise()) return false;
-      if (shaded_) fit_light();
+      if (state_.shaded) fit_light();
       linearise_levels();
       const std::optional<double> next = step(Weights::tukey);
       if (!next) return false;
       const bool grown = trusted_ > before;
-      idle += !grown && !more && *next > kNearer * moved ? 1 : 0;
       moved = *next;
       if (finely && moved < kSettledPx && reblurred_ < kSameBlur && relit_ < kSameLight && !grown)
         return true;
@@ -355,7 +377,7 @@ class Aligner::Impl {
     return false;
   }
 
-  Vector3d centre3() const { return {centre_.x(), centre_.y(), 0.0}; }
+  Vector3d centre3() const { return {state_.centre.x(), state_.centre.y(), 0.0}; }
 
   Isometry3d pose() const {
     Isometry3d pose = Isometry3d::Identity();
@@ -369,9 +391,10 @@ class Aligner::Impl {
     framed_ = true;
     const Node middle = node(x0_ + 0.5 * kPatch * grid_columns_, y0_ + 0.5 * kPatch * grid_rows_);
     if (!middle.valid) return;
-    centre_ = middle.place;
+    state_.centre = middle.place;
     state_.translation += state_.rotation * centre3();
-    if (covariance_) covariance_ = moved(*covariance_, state_.rotation, -centre3());
+    if (state_.covariance)
+      state_.covariance = moved(*state_.covariance, state_.rotation, -centre3());
   }
 
   // --- where the marker is seen ------------------------------------------------------------------
@@ -448,7 +471,7 @@ class Aligner::Impl {
     if (!(facing > 1e-6 && depth > 0.0)) return node;
     const Vector3d point = depth * direction;
     const Vector2d from_centre = (r.transpose() * (point - state_.translation)).head<2>();
-    node.place = centre_ + from_centre;
+    node.place = state_.centre + from_centre;
     Eigen::Matrix<double, 2, 3> by_point;
     if (!camera_.project(point, &by_point)) return node;
     node.by_pose.leftCols<3>() = by_point;
@@ -460,7 +483,7 @@ class Aligner::Impl {
   /// The blur with which patches are drawn next.
   void set_blur() {
     painted_ = Blur::with_moments(state_.blur);
-    if (!oriented_ || painted_.smear.squaredNorm() / 12.0 < kRound)
+    if (!state_.oriented || painted_.smear.squaredNorm() / 12.0 < kRound)
       painted_ = {0.5 * state_.blur.trace(), Vector2d::Zero()};
     painter_.set_blur(painted_);
     reach_ =
@@ -535,9 +558,9 @@ class Aligner::Impl {
     };
     share(&Node::place, patch.place, patch.place_by_x, patch.place_by_y);
     share(&Node::by_pose, patch.by_pose, patch.by_pose_by_x, patch.by_pose_by_y);
-    if (covariance_)
+    if (state_.covariance)
       patch.error_px =
-          std::sqrt(0.5 * (patch.by_pose * *covariance_ * patch.by_pose.transpose()).trace());
+          std::sqrt(0.5 * (patch.by_pose * *state_.covariance * patch.by_pose.transpose()).trace());
   }
 
   /// Where the pose is known well enough; if that is nowhere, where it is known best.
@@ -678,23 +701,27 @@ class Aligner::Impl {
 
   /// The pixels of a patch that tell something, and some of the others for the light.
   void pick_pixels(const Patch& patch) {
-    static const std::array<bool, kPatch* kPatch> kSomeOfAll = [] {
-      std::array<bool, kPatch * kPatch> some{};
+    static const std::array<std::uint8_t, kPatch* kPatch> kSomeOfAll = [] {
+      std::array<std::uint8_t, kPatch * kPatch> some{};
       for (std::size_t at = 0; at < some.size(); ++at)
-        some[at] = (at % kPatch + 5 * (at / kPatch)) % kFlatStep == 0;
+        some[at] = (at % kPatch + 5 * (at / kPatch)) % kFlatStep == 0 ? 1 : 0;
       return some;
     }();
+    std::array<std::uint8_t, kPatch* kPatch> tells = kSomeOfAll;
+    for (std::size_t at = 0; at < tells.size(); ++at) {
+      const float gx = picture_.by_x[at], gy = picture_.by_y[at];
+      tells[at] |= static_cast<std::uint8_t>(gx * gx + gy * gy >= kFlat * kFlat);
+    }
     picked_.resize(kPatch * kPatch);
     const auto height = static_cast<std::size_t>(std::min(kPatch, image_.height() - patch.y));
     const auto width = static_cast<std::size_t>(std::min(kPatch, image_.width() - patch.x));
     std::size_t n = 0;
-    const std::size_t rim = peaked_ ? 1 : 0;  // where the biharmonic isn't known
+    const std::size_t rim = state_.peaked ? 1 : 0;  // where the biharmonic isn't known
     for (std::size_t y = rim; y < std::min<std::size_t>(height, kPatch - rim); ++y)
       for (std::size_t x = rim; x < std::min<std::size_t>(width, kPatch - rim); ++x) {
         const std::size_t at = y * kPatch + x;
-        const float gx = picture_.by_x[at], gy = picture_.by_y[at];
         picked_[n] = at;
-        n += gx * gx + gy * gy >= kFlat * kFlat || kSomeOfAll[at] ? 1U : 0U;
+        n += tells[at];
       }
     picked_.resize(n);
 
@@ -725,7 +752,7 @@ class Aligner::Impl {
     for (auto& column : columns_of_rows_) column.resize(size);
     for (auto& light : lights_) light.resize(size);
     for (auto* values : {&grey_, &white_share_, &u_, &v_, &along_x_, &along_y_, &residuals_,
-                         &pulled_, &left_, &weights_, &weighted_})
+                         &pulled_, &left_, &weights_, &weighted_, &depth_})
       values->resize(size);
   }
 
@@ -748,7 +775,7 @@ class Aligner::Impl {
     const std::size_t n = picked_.size();
     patch.first = count_;
     patch.count = n;
-    std::array<float, kPatch * kPatch> gx, gy, dx, dy, flow_x, flow_y;
+    std::array<float, kPatch * kPatch> gx, gy, dx, dy;
     float* by_xx = column(kBlur) + count_;
     float* by_xy = column(kBlur + 1) + count_;
     float* by_yy = column(kBlur + 2) + count_;
@@ -766,7 +793,7 @@ class Aligner::Impl {
       by_xy[i] = -picture_.by_xy[at];
       by_yy[i] = -0.5F * picture_.by_yy[at];
     }
-    if (peaked_) {
+    if (state_.peaked) {
       take_biharmonic();
       float* by_peak = column(kPeak) + count_;
       const auto peak = static_cast<float>(state_.peak);
@@ -788,14 +815,21 @@ class Aligner::Impl {
     over_patch(uv.y(), scale * patch.place_by_x.y(), scale * patch.place_by_y.y(), &v_[count_]);
     over_patch(0.0, 2.0 / kPatch, 0.0, &along_x_[count_]);
     over_patch(0.0, 0.0, 2.0 / kPatch, &along_y_[count_]);
-    for (Eigen::Index k = 0; k < kPose; ++k) {
-      over_patch(patch.by_pose(0, k), patch.by_pose_by_x(0, k), patch.by_pose_by_y(0, k),
-                 flow_x.data());
-      over_patch(patch.by_pose(1, k), patch.by_pose_by_x(1, k), patch.by_pose_by_y(1, k),
-                 flow_y.data());
-      float* row = column(k) + count_;
-      for (std::size_t i = 0; i < n; ++i) row[i] = gx[i] * flow_x[i] + gy[i] * flow_y[i];
+    std::array<kernels::Flow, kPose> flows{};
+    std::array<float*, kPose> rows{};
+    for (std::size_t k = 0; k < kPose; ++k) {
+      const auto unknown = static_cast<Eigen::Index>(k);
+      const auto told = [&](Eigen::Index coordinate, float* to) {
+        to[0] = static_cast<float>(patch.by_pose(coordinate, unknown));
+        to[1] = static_cast<float>(patch.by_pose_by_x(coordinate, unknown));
+        to[2] = static_cast<float>(patch.by_pose_by_y(coordinate, unknown));
+      };
+      told(0, flows[k].x);
+      told(1, flows[k].y);
+      rows[k] = column(unknown) + count_;
     }
+    kernels::flow_rows({gx.data(), gy.data(), dx.data(), dy.data()}, flows.data(), kPose, n,
+                       rows.data());
     count_ += n;
   }
 
@@ -826,9 +860,9 @@ class Aligner::Impl {
              kMany * static_cast<double>(greys.size());
     };
     const double beyond = kBeyond * (bright - dark);
-    state_.levels.setZero();
-    state_.levels(0) = dark - (many_at(black, 0.0F) ? beyond : 0.0);
-    state_.levels(kWhite - kBlack) = bright + (many_at(white, kBrightest) ? beyond : 0.0);
+    state_.light.levels.setZero();
+    state_.light.levels(0) = dark - (many_at(black, 0.0F) ? beyond : 0.0);
+    state_.light.levels(kWhite - kBlack) = bright + (many_at(white, kBrightest) ? beyond : 0.0);
     return true;
   }
 
@@ -836,7 +870,7 @@ class Aligner::Impl {
   bool first_shadow() {
     constexpr float kPaper = 0.9F;
     std::vector<float> grey, u, v;
-    const std::size_t stride = count_ / 6000 + 1;
+    const std::size_t stride = count_ / 2500 + 1;
     for (std::size_t i = 0; i < count_; i += stride)
       if (white_share_[i] > kPaper) {
         grey.push_back(grey_[i]);
@@ -845,68 +879,40 @@ class Aligner::Impl {
       }
     const auto shadow = find_shadow(grey, u, v);
     if (!shadow) return false;
-    state_.levels(0) *= shadow->lit / state_.levels(kWhite - kBlack);
-    state_.levels(kWhite - kBlack) = shadow->lit;
-    state_.shaded_white = state_.shaded_black = shadow->shaded / shadow->lit;
-    state_.shape = shadow->shape;
+    state_.light.levels(0) *= shadow->lit / state_.light.levels(kWhite - kBlack);
+    state_.light.levels(kWhite - kBlack) = shadow->lit;
+    state_.light.shaded_white = state_.light.shaded_black = shadow->shaded / shadow->lit;
+    state_.light.shape = shadow->shape;
     return true;
   }
 
-  /// Levels and shadow alone, where the pose is good enough to tell black from white
-  /// (Levenberg-Marquardt).
+  /// Some of the samples, for the light alone.
+  void gather_light() {
+    constexpr std::size_t kSome = 2500;
+    light_fit_.clear();
+    response_.set(state_.log_gamma, state_.light.black_part());
+    const std::size_t stride = count_ / kSome + 1;
+    for (std::size_t i = 0; i < count_; i += stride)
+      light_fit_.add(grey_[i], response_.seen(white_share_[i]), u_[i], v_[i]);
+  }
+
+  void steepen_shadow() {
+    gather_light();
+    state_.light.shape *= light_fit_.best_steepness(state_.light);
+  }
+
+  /// Levels and shadow alone, where the pose is good enough to tell black from white.
   void fit_light() {
-    constexpr int kSteps = 20;
-    constexpr double kSettled = 1e-4;  // of the misfit
-    constexpr double kMostDamping = 1e4;
-    light_alone_ = true;
-    linearise_levels();
-    double cost = misfit();
-    damping_ = 0.01;
-    for (int i = 0; i < kSteps && damping_ < kMostDamping; ++i) {
-      const State before = state_;
-      const std::optional<Row> move = solve(Weights::huber);
-      if (move) take_light(*move);
-      looks_ += count_;
-      linearise_levels();
-      const double next = move ? misfit() : cost;
-      if (next < cost) {
-        damping_ *= 0.2;
-        const bool settled = cost - next < kSettled * cost;
-        cost = next;
-        if (settled) break;
-      } else {
-        damping_ *= 10.0;
-        state_ = before;
-        linearise_levels();
-      }
-    }
-    damping_ = 0.0;
-    light_alone_ = false;
+    gather_light();
+    light_fit_.fit(state_.light, steepest());
   }
 
-  /// How much steeper than said the shadow's edge is: what fits best of some.
-  double best_steepness() {
-    const State before = state_;
-    light_alone_ = true;
-    double best = 1.0, least = std::numeric_limits<double>::infinity();
-    for (const double times : {2.0, 1.0, 0.5, 0.25, 0.12}) {
-      state_.shape = times * before.shape;
-      linearise_levels();
-      if (const double cost = misfit(); cost < least) {
-        least = cost;
-        best = times;
-      }
-    }
-    light_alone_ = false;
-    state_ = before;
-    return best;
-  }
-
-  /// Mean size of the residuals.
-  double misfit() const {
-    double sum = 0.0;
-    for (std::size_t i = 0; i < count_; ++i) sum += static_cast<double>(std::abs(residuals_[i]));
-    return sum / static_cast<double>(count_);
+  /// No shadow's edge is steeper than pixels can show.
+  double steepest() const {
+    constexpr double kSteepest = 2.0;  // per pixel
+    const Patch& patch = patches_[order_.front()];
+    return kSteepest * 0.5 * outline_->square().width() /
+           std::max(patch.place_by_x.norm(), patch.place_by_y.norm());
   }
 
   /// Grey levels at a place of the marker.
@@ -914,71 +920,48 @@ class Aligner::Impl {
     double black, white;
   };
   LevelsAt levels_at(double u, double v) const {
-    const Levels& l = state_.levels;
+    const Light::Levels& l = state_.light.levels;
     const double bow = u * (l(6) * u + l(7) * v) + v * v * l(8);
-    LevelsAt at{l(0) + l(1) * u + l(2) * v + black_part() * bow, l(3) + l(4) * u + l(5) * v + bow};
-    if (!shaded_) return at;
-    const auto depth =
-        static_cast<double>(depth_at(static_cast<float>(u), static_cast<float>(v)).share);
-    at.black *= 1.0 - depth * (1.0 - state_.shaded_black);
-    at.white *= 1.0 - depth * (1.0 - state_.shaded_white);
+    LevelsAt at{l(0) + l(1) * u + l(2) * v + state_.light.black_part() * bow,
+                l(3) + l(4) * u + l(5) * v + bow};
+    if (!state_.shaded) return at;
+    const auto depth = static_cast<double>(depth_at(static_cast<float>(u), static_cast<float>(v)));
+    at.black *= 1.0 - depth * (1.0 - state_.light.shaded_black);
+    at.white *= 1.0 - depth * (1.0 - state_.light.shaded_white);
     return at;
   }
 
-  /// Black's level as a share of white's.
-  double black_part() const {
-    return std::clamp(state_.levels(0) / std::max(1.0, state_.levels(kWhite - kBlack)), 0.01, 0.9);
-  }
-
-  ShadowShape::Depth depth_at(float u, float v) const {
-    return ShadowShape::depth(state_.shape.cast<float>().dot(ShadowShape::terms(u, v)));
+  float depth_at(float u, float v) const {
+    return ShadowShape::depth(state_.light.shape.cast<float>().dot(ShadowShape::terms(u, v))).share;
   }
 
   /// From the shares to grey values.
   void linearise_levels() {
-    const Eigen::Matrix<float, kLevels, 1> levels = state_.levels.cast<float>();
-    response_.set(state_.log_gamma, black_part());
-    const auto dark_part = static_cast<float>(black_part());
-    if (light_ == LightModel::uneven && !light_alone_) find_gains();
-    for (const std::size_t k : order_) {
-      const Patch& patch = patches_[k];
-      const auto gain = static_cast<float>(patch.gain);
-      for (std::size_t i = patch.first; i < patch.first + patch.count; ++i) {
-        const float u = u_[i], v = v_[i];
-        const float bow = u * (levels(6) * u + levels(7) * v) + v * v * levels(8);
-        const float plane = levels(0) + levels(1) * u + levels(2) * v + dark_part * bow;
-        const float parabola = levels(3) + levels(4) * u + levels(5) * v + bow;
-        const auto [seen, rise, by_log_gamma] = response_.at(white_share_[i]);
-        float on_black = gain, on_white = gain;
-        if (shaded_) shade(i, gain, plane, parabola, seen, on_black, on_white);
-        const float black = on_black * plane;
-        float contrast = on_white * parabola - black;
-        const float value = black + contrast * seen;
-        if (value > kBrightest) {
-          // Nothing that is burnt out tells by how much.
-          on_black = on_white = contrast = 0.0F;
-          if (shaded_)
-            for (Eigen::Index c = kShade; c < kUnknowns; ++c) column(c)[i] = 0.0F;
-        }
-        const float slope = contrast * rise;
-        if (!light_alone_)
-          for (Eigen::Index c = 0; c < kGamma; ++c) column(c)[i] *= slope;
-        column(kGamma)[i] = contrast * by_log_gamma;
-        const float black_share = on_black * (1.0F - seen), share = on_white * seen;
-        column(kBlack)[i] = black_share;
-        column(kBlack + 1)[i] = black_share * u;
-        column(kBlack + 2)[i] = black_share * v;
-        column(kWhite)[i] = share;
-        column(kWhite + 1)[i] = share * u;
-        column(kWhite + 2)[i] = share * v;
-        const float both = share + dark_part * black_share;
-        column(kWhite + 3)[i] = both * u * u;
-        column(kWhite + 4)[i] = both * u * v;
-        column(kWhite + 5)[i] = both * v * v;
-        residuals_[i] = grey_[i] - std::min(kBrightest, value);
-      }
-    }
-    if (!oriented_ && !light_alone_)
+    response_.set(state_.log_gamma, state_.light.black_part());
+    if (light_ == LightModel::uneven) find_gains();
+    kernels::LightTerms terms{};
+    response_.tell(terms);
+    for (std::size_t k = 0; k < Light::kLevels; ++k)
+      terms.levels[k] = static_cast<float>(state_.light.levels(static_cast<Eigen::Index>(k)));
+    terms.dark_part = static_cast<float>(state_.light.black_part());
+    terms.less_white = 1.0F - static_cast<float>(state_.light.shaded_white);
+    terms.less_black = 1.0F - static_cast<float>(state_.light.shaded_black);
+    terms.pictured = kGamma;
+    if (state_.shaded)
+      for (std::size_t i = 0; i < count_; ++i) depth_[i] = depth_at(u_[i], v_[i]);
+    std::array<float*, kUnknowns> columns{};
+    for (std::size_t k = 0; k < kUnknowns; ++k) columns[k] = columns_of_rows_[k].data();
+    const kernels::LitSamples samples{grey_.data(),
+                                      white_share_.data(),
+                                      u_.data(),
+                                      v_.data(),
+                                      state_.shaded ? depth_.data() : nullptr,
+                                      columns.data(),
+                                      residuals_.data()};
+    for (const std::size_t k : order_)
+      kernels::light_rows(samples, terms, static_cast<float>(patches_[k].gain), patches_[k].first,
+                          patches_[k].count);
+    if (!state_.oriented)
       for (std::size_t i = 0; i < count_; ++i) column(kBlur)[i] += column(kBlur + 2)[i];
     if (spread_ == 0.0) return;
     for (std::size_t i = 0; i < count_; ++i) {
@@ -990,31 +973,13 @@ class Aligner::Impl {
     }
   }
 
-  /// What the shadow leaves of the light on black and white, and its part in the rows.
-  void shade(std::size_t i, float gain, float black, float white, float seen, float& on_black,
-             float& on_white) {
-    const float u = u_[i], v = v_[i];
-    const auto [share, slope] = depth_at(u, v);
-    const float less_white = 1.0F - static_cast<float>(state_.shaded_white);
-    const float less_black = 1.0F - static_cast<float>(state_.shaded_black);
-    column(kShade)[i] = gain * white * seen * share;
-    column(kShade + 1)[i] = gain * black * (1.0F - seen) * share;
-    const float by_value =
-        -gain * slope * (less_white * white * seen + less_black * black * (1.0F - seen));
-    const ShadowShape::Terms terms = ShadowShape::terms(u, v);
-    for (Eigen::Index t = 0; t < ShadowShape::kTerms; ++t)
-      column(kShape + t)[i] = by_value * terms(t);
-    on_black *= 1.0F - share * less_black;
-    on_white *= 1.0F - share * less_white;
-  }
-
   /// Each patch's gain from the median of what is white there, as far as gains differ by more than
   /// noise makes them.
   void find_gains() {
     constexpr float kWhitish = 0.6F;
     constexpr std::size_t kLeast = 4;
     constexpr double kLeastSpread = 0.003;
-    const double paper = std::max(1.0, state_.levels(kWhite - kBlack));
+    const double paper = std::max(1.0, state_.light.levels(kWhite - kBlack));
     std::vector<float> ratios, apart;
     for (const std::size_t k : order_) {
       Patch& patch = patches_[k];
@@ -1026,7 +991,7 @@ class Aligner::Impl {
         if (w < kWhitish) continue;
         const LevelsAt at = levels_at(static_cast<double>(u_[i]), static_cast<double>(v_[i]));
         const auto black = static_cast<float>(at.black), white = static_cast<float>(at.white);
-        const float value = black + (white - black) * response_.at(w).seen;
+        const float value = black + (white - black) * response_.seen(w);
         if (value < kBrightest) ratios.push_back(grey_[i] / value);
       }
       if (ratios.size() < kLeast) continue;
@@ -1077,14 +1042,16 @@ class Aligner::Impl {
 
   /// What a step leaves of the residuals.
   void apply(const Row& move) {
-    std::copy_n(residuals_.begin(), count_, left_.begin());
+    std::array<const float*, kUnknowns> rows{};
+    std::array<float, kUnknowns> by{};
+    std::size_t n = 0;
     for (Eigen::Index k = 0; k < kUnknowns; ++k) {
-      const auto by = static_cast<float>(move(k));
-      const float* row = column(k);
-      if (by != 0.0F)
-        for (std::size_t i = 0; i < count_; ++i) left_[i] -= by * row[i];
+      if (move(k) == 0.0) continue;
+      rows[n] = column(k);
+      by[n++] = static_cast<float>(move(k));
     }
-    if (spread_ == 0.0 || light_alone_) return;
+    kernels::subtract_rows(residuals_.data(), rows.data(), by.data(), n, count_, left_.data());
+    if (spread_ == 0.0) return;
     for (const std::size_t k : order_) {
       const Patch& patch = patches_[k];
       if (patch.count == 0) continue;
@@ -1117,10 +1084,9 @@ class Aligner::Impl {
   /// What isn't solved for: a round blur has one unknown; a shadow's shape bears no steps that
   /// nothing checks.
   bool frozen(Eigen::Index k) const {
-    if (k == kPeak && !peaked_) return true;
-    if (light_alone_ && k < kBlack) return true;
-    if (k == kBlur + 1 || k == kBlur + 2) return !oriented_;
-    return k >= kShade && !(shaded_ && (k < kShape || light_alone_));
+    if (k == kPeak && !state_.peaked) return true;
+    if (k == kBlur + 1 || k == kBlur + 2) return !state_.oriented;
+    return k >= kShade && !state_.shaded;
   }
 
   /// Noise from residuals of which fewer than half are wrong.
@@ -1157,13 +1123,11 @@ class Aligner::Impl {
 
   void weigh(Weights kind) {
     const auto inverse = static_cast<float>(1.0 / (scale_ * scale_));
-    if (kind == Weights::tukey) {
-      for (std::size_t i = 0; i < count_; ++i)
-        weights_[i] = tukey_weight(left_[i] * left_[i] * inverse);
-    } else {
-      for (std::size_t i = 0; i < count_; ++i)
-        weights_[i] = 1.0F / std::sqrt(std::max(1.0F, left_[i] * left_[i] * inverse));
-    }
+    if (kind == Weights::tukey)
+      kernels::tukey_weights(left_.data(), inverse, 1.0F / (kTukey * kTukey), count_,
+                             weights_.data());
+    else
+      kernels::huber_weights(left_.data(), inverse, count_, weights_.data());
     weigh_clipped();
   }
 
@@ -1174,19 +1138,21 @@ class Aligner::Impl {
   void accumulate(const std::vector<float>& weights, Normal& normal, Row& pull) {
     normal.setZero();
     pull.setZero();
-    std::array<const float*, kUnknowns + 1> rows{pull_from()};
+    std::array<const float*, kUnknowns + 1> columns{pull_from()};
     std::array<Eigen::Index, kUnknowns + 1> which{};
-    std::array<float, kUnknowns + 1> sums{};
+    std::array<float, (kUnknowns + 1) * (kUnknowns + 1)> sums{};
     std::size_t n = 1;
     for (Eigen::Index a = 0; a < kUnknowns; ++a) {
       if (frozen(a)) continue;
-      rows[n] = column(a);
+      columns[n] = column(a);
       which[n++] = a;
-      kernels::weighted_products(weights.data(), column(a), rows.data(), n, count_,
-                                 weighted_.data(), sums.data());
-      pull(a) = static_cast<double>(sums[0]);
-      for (std::size_t k = 1; k < n; ++k)
-        normal(a, which[k]) = normal(which[k], a) = static_cast<double>(sums[k]);
+    }
+    kernels::normal_products(weights.data(), columns.data(), n, count_, sums.data());
+    for (std::size_t a = 1; a < n; ++a) {
+      pull(which[a]) = static_cast<double>(sums[a * n]);
+      for (std::size_t b = 1; b <= a; ++b)
+        normal(which[a], which[b]) = normal(which[b], which[a]) =
+            static_cast<double>(sums[a * n + b]);
     }
     for (Eigen::Index a = 0; a < kUnknowns; ++a)
       if (frozen(a)) normal(a, a) = 1.0;
@@ -1227,7 +1193,7 @@ class Aligner::Impl {
   /// What is known beforehand.
   void add_priors(Normal& normal, Row& pull) const {
     const double noise2 = scale_ * scale_;
-    if (peaked_) {
+    if (state_.peaked) {
       const double usual = kUsualPeak * std::pow(0.5 * painted_.moments().trace(), 2.0);
       normal(kPeak, kPeak) += noise2 / (usual * usual);
       pull(kPeak) -= noise2 / (usual * usual) * state_.peak;
@@ -1235,20 +1201,18 @@ class Aligner::Impl {
     normal(kGamma, kGamma) += noise2 / (kUsualLogGamma * kUsualLogGamma);
     pull(kGamma) -= noise2 / (kUsualLogGamma * kUsualLogGamma) * state_.log_gamma;
     for (Eigen::Index k = kWhite + 3; k < kShade; ++k) {
-      const double usual = kUsualBow * std::max(1.0, state_.levels(kWhite - kBlack));
+      const double usual =
+          LightPrior::kUsualBow * std::max(1.0, state_.light.levels(kWhite - kBlack));
       normal(k, k) += noise2 / (usual * usual);
-      pull(k) -= noise2 / (usual * usual) * state_.levels(k - kBlack);
+      pull(k) -= noise2 / (usual * usual) * state_.light.levels(k - kBlack);
     }
-    if (!shaded_) return;
-    const double alike = noise2 / (kUsualTint * kUsualTint);
-    const double apart = state_.shaded_white - state_.shaded_black;
+    if (!state_.shaded) return;
+    const double alike = noise2 / (LightPrior::kUsualTint * LightPrior::kUsualTint);
+    const double apart = state_.light.shaded_white - state_.light.shaded_black;
     normal.block<2, 2>(kShade, kShade) +=
         alike * (Eigen::Matrix2d() << 1.0, -1.0, -1.0, 1.0).finished();
     pull(kShade) -= alike * apart;
     pull(kShade + 1) += alike * apart;
-    const double steady = noise2 / (kMostShape * kMostShape);
-    for (Eigen::Index k = kShape; k < kUnknowns; ++k) normal(k, k) += steady;
-    if (light_alone_) normal.diagonal() *= 1.0 + damping_;
   }
 
   /// A Gauss-Newton step with weights that follow the linearised residuals.
@@ -1262,7 +1226,7 @@ class Aligner::Impl {
       weigh(kind);
       Row pull;
       accumulate(weights_, normal, pull);
-      if (spread_ > 0.0 && !light_alone_) eliminate_lights(weights_, normal, pull);
+      if (spread_ > 0.0) eliminate_lights(weights_, normal, pull);
       add_priors(normal, pull);
       const auto inverse = inverse_of(normal);
       if (!inverse) return std::nullopt;
@@ -1292,49 +1256,27 @@ class Aligner::Impl {
     state_.translation += move.head<3>();
     Matrix2d growth;
     growth << move(kBlur), move(kBlur + 1), move(kBlur + 1),
-        oriented_ ? move(kBlur + 2) : move(kBlur);
+        state_.oriented ? move(kBlur + 2) : move(kBlur);
     state_.blur = painted_.moments() + growth;
-    reblurred_ = growth.norm() / painted_.moments().norm();
     const Eigen::SelfAdjointEigenSolver<Matrix2d> eigen(state_.blur);
     if (!(eigen.eigenvalues()(1) < kMostVariance)) return std::nullopt;
     state_.blur = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(kLeastVariance).asDiagonal() *
                   eigen.eigenvectors().transpose();
+    reblurred_ = (state_.blur - painted_.moments()).norm() / painted_.moments().norm();
     state_.peak += move(kPeak);
     state_.log_gamma = std::clamp(state_.log_gamma + move(kGamma), kLeastLogGamma, kMostLogGamma);
     take_light(move);
-    relit_ = std::abs(move(kWhite)) / std::max(1.0, state_.levels(kWhite - kBlack));
-    covariance_ = noise_covariance();
+    relit_ = std::abs(move(kWhite)) / std::max(1.0, state_.light.levels(kWhite - kBlack));
+    state_.covariance = noise_covariance();
     return moved;
   }
 
   void take_light(const Row& move) {
-    state_.levels += move.segment<kLevels>(kBlack);
-    if (!shaded_) return;
-    state_.shaded_white = std::clamp(state_.shaded_white + move(kShade), 0.02, 5.0);
-    state_.shaded_black = std::clamp(state_.shaded_black + move(kShade + 1), 0.02, 5.0);
-    state_.shape += move.tail<ShadowShape::kTerms>();
-    blunt_shadow();
-  }
-
-  /// No shadow's edge is steeper than pixels can show.
-  void blunt_shadow() {
-    constexpr double kSteepest = 2.0;  // per pixel
-    double steep = 0.0, count = 0.0;
-    for (std::size_t i = 0; i < count_; i += 7) {
-      const auto u = static_cast<double>(u_[i]), v = static_cast<double>(v_[i]);
-      const auto& c = state_.shape;
-      const double value = c(0) + u * (c(1) + u * c(3) + v * c(4)) + v * (c(2) + v * c(5));
-      if (std::abs(value) > 4.0) continue;
-      steep += Vector2d(c(1) + 2.0 * u * c(3) + v * c(4), c(2) + u * c(4) + 2.0 * v * c(5))
-                   .squaredNorm();
-      count += 1.0;
-    }
-    if (count == 0.0) return;
-    const Patch& patch = patches_[order_.front()];
-    const double per_pixel = 2.0 / outline_->square().width() *
-                             std::max(patch.place_by_x.norm(), patch.place_by_y.norm());
-    const double steepness = per_pixel * std::sqrt(steep / count);
-    if (steepness > kSteepest) state_.shape *= kSteepest / steepness;
+    state_.light.levels += move.segment<Light::kLevels>(kBlack);
+    if (!state_.shaded) return;
+    state_.light.shaded_white = std::clamp(state_.light.shaded_white + move(kShade), 0.02, 5.0);
+    state_.light.shaded_black = std::clamp(state_.light.shaded_black + move(kShade + 1), 0.02, 5.0);
+    state_.light.shape += move.tail<ShadowShape::kTerms>();
   }
 
   /// Whether the blur differs between directions, surely and by enough to matter.
@@ -1351,12 +1293,11 @@ class Aligner::Impl {
   }
 
   /// The result, if the image bears it out.
-  std::optional<Alignment> finish(const Isometry3d& start,
-                                  const std::optional<Matrix6d>& start_covariance) {
+  std::optional<Settled> finish() {
     Alignment result;
     result.camera_T_marker = pose();
-    result.blur = oriented_ ? Blur::with_moments(state_.blur)
-                            : Blur{0.5 * state_.blur.trace(), Vector2d::Zero()};
+    result.blur = state_.oriented ? Blur::with_moments(state_.blur)
+                                  : Blur{0.5 * state_.blur.trace(), Vector2d::Zero()};
     result.noise = scale_ * std::sqrt(static_cast<double>(count_) /
                                       std::max(1.0, static_cast<double>(count_) - own_unknowns()));
     result.evenness = evenness();
@@ -1386,7 +1327,7 @@ class Aligner::Impl {
       if (contrast < kLeastContrast || contrast < kLeastContrastToNoise * scale_)
         return std::nullopt;
     }
-    if (shift_px(start, start_covariance) > kMostShiftPx) return std::nullopt;
+    if (shift_px() > kMostShiftPx) return std::nullopt;
 
     if (!(slope > 0.0)) return std::nullopt;
     // The estimate's variance is E psi^2 / (E psi')^2 times that of least squares.
@@ -1399,7 +1340,7 @@ class Aligner::Impl {
     result.camera_T_marker.makeAffine();
     if (!result.covariance.allFinite() || !result.camera_T_marker.matrix().allFinite())
       return std::nullopt;
-    return result;
+    return Settled{result, state_};
   }
 
   /// By how much what is left of neighbouring pixels is more alike than noise is, for the pose:
@@ -1451,17 +1392,17 @@ class Aligner::Impl {
   }
 
   /// How far what the start could be trusted with has moved, root mean square.
-  double shift_px(const Isometry3d& start, const std::optional<Matrix6d>& covariance) const {
+  double shift_px() const {
     double sum = 0.0, count = 0.0;
     for (const std::size_t k : order_) {
       const Vector3d p(patches_[k].place.x(), patches_[k].place.y(), 0.0);
-      if (covariance) {
-        const auto predicted = predict(start, *covariance, p.head<2>());
+      if (start_covariance_) {
+        const auto predicted = predict(start_, *start_covariance_, p.head<2>());
         if (!predicted) continue;
         const double error_px = camera_.fx * std::sqrt(0.5 * predicted->covariance.trace());
         if (error_px > kTrustedPx) continue;
       }
-      const auto then = camera_.project(start * p), now = camera_.project(pose() * p);
+      const auto then = camera_.project(start_ * p), now = camera_.project(pose() * p);
       if (!then || !now) return std::numeric_limits<double>::infinity();
       sum += (*then - *now).squaredNorm();
       count += 1.0;
@@ -1473,18 +1414,14 @@ class Aligner::Impl {
   const InkOutline* outline_ = nullptr;
   double quiet_ = 0.0;
   Camera camera_;
+  Isometry3d start_ = Isometry3d::Identity();
+  std::optional<Matrix6d> start_covariance_;
   LightModel light_ = LightModel::even;
-  Vector2d centre_ = Vector2d::Zero();  ///< of the samples, in the parent's plane
   State state_;
   Response response_;
-  std::optional<Matrix6d> covariance_;  ///< of the state's pose
-  bool oriented_ = false;               ///< whether the blur has a direction
-  bool peaked_ = false;                 ///< whether it may differ from a Gaussian
-  bool bends_ = false;                  ///< whether the lens bends lines
-  double reach_ = 0.0;                  ///< of the blur, pixels
-  bool shaded_ = false;                 ///< whether a shadow is part of the model
-  bool light_alone_ = false;            ///< while the light alone is fitted
-  double damping_ = 0.0;                ///< of steps of the light alone
+  LightFit light_fit_;
+  bool bends_ = false;       ///< whether the lens bends lines
+  double reach_ = 0.0;       ///< of the blur, pixels
   double spread_ = 0.0;      ///< of the patches' own lights, relative; zero if they have none
   double own_lights_ = 0.0;  ///< how many unknowns they are worth
 
@@ -1515,7 +1452,7 @@ class Aligner::Impl {
   std::size_t count_ = 0;
   std::array<std::vector<float>, kUnknowns> columns_of_rows_;
   std::vector<float> grey_, white_share_, u_, v_, residuals_, pulled_, left_, weights_, weighted_,
-      sizes_;
+      depth_, sizes_;
   std::vector<std::size_t> clipped_;      ///< samples as bright or as dark as can be
   std::vector<float> along_x_, along_y_;  ///< from a patch's middle, -1 ... 1
   std::array<std::vector<float>, kLight> lights_;
@@ -1533,8 +1470,9 @@ void Aligner::refill() { impl_->refill(); }
 std::optional<Alignment> Aligner::align(const ImageView& image, const InkOutline& outline,
                                         double quiet_m, const Camera& camera,
                                         const Isometry3d& start,
-                                        const std::optional<Matrix6d>& start_covariance) {
-  return impl_->align(image, outline, quiet_m, camera, start, start_covariance);
+                                        const std::optional<Matrix6d>& start_covariance,
+                                        const std::optional<Alignment>& rival) {
+  return impl_->align(image, outline, quiet_m, camera, start, start_covariance, rival);
 }
 
 }  // namespace harco

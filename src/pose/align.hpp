@@ -24,7 +24,9 @@ struct Alignment {
   double noise = 0.0;     ///< grey levels, standard deviation of what remains
   double loss = 0.0;      ///< robust squared residuals in units of the noise
   int pixels = 0;         ///< how many were compared
-  bool plain = false;     ///< fits well, in even light
+  bool plain = false;     ///< fits well, in even light or nearly so
+  bool fits = false;      ///< to the noise, in its light
+  bool shaded = false;    ///< with a shadow's edge on the marker
   double evenness = 0.0;  ///< how well patches fit as a whole: 1 for noise alone, more otherwise
 };
 
@@ -44,11 +46,15 @@ class Aligner {
   /// than the blur allows come in later, when the others have made it better. Without it, all of
   /// `start` is taken to be right to about half a pixel.
   ///
+  /// A `rival` is what another start has come to, and bears the picture out: no light is tried that
+  /// the rival doesn't need.
+  ///
   /// Empty if it doesn't converge near `start`, or if too little of the marker fits: then the image
   /// doesn't bear the pose out.
   std::optional<Alignment> align(const ImageView& image, const InkOutline& outline, double quiet_m,
                                  const Camera& camera, const Eigen::Isometry3d& start,
-                                 const std::optional<Matrix6d>& start_covariance);
+                                 const std::optional<Matrix6d>& start_covariance,
+                                 const std::optional<Alignment>& rival = std::nullopt);
 
   /// Bounds the work of all alignments that follow, until it is called again: to some milliseconds.
   /// What can't be finished is left out.

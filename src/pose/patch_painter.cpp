@@ -116,46 +116,59 @@ void PatchPainter::add(const Vector2d& from, const Vector2d& to) {
     accumulate(xb, yb, xa, ya, sign);
 }
 
+/// The change of ink that a piece brings to the fields of one row, of which it covers `cover`, on
+/// its way from x to `next`.
+void PatchPainter::cover_row(float* change, float x, float next, float cover) {
+  const float low = std::min(x, next), high = std::max(x, next);
+  const int first = static_cast<int>(low);
+  if (high <= static_cast<float>(first + 1)) {
+    const float right = 0.5F * (low + high) - static_cast<float>(first);
+    change[first] += cover - cover * right;
+    change[first + 1] += cover * right;
+    return;
+  }
+  // The fields it crosses from side to side have equal shares of its height; of each share, half is
+  // to the field's right.
+  int last = static_cast<int>(high);
+  if (static_cast<float>(last) == high) --last;
+  const float share = 1.0F / (high - low);
+  const float enters = static_cast<float>(first + 1) - low;
+  const float leaves = high - static_cast<float>(last);
+  const float begin = 0.5F * share * enters * enters, end = 0.5F * share * leaves * leaves;
+  // What has been passed on so far, up to the field at hand.
+  change[first] += cover * begin;
+  float given = begin;
+  float level = share * (enters + 0.5F);  // of the next field, if it is crossed
+  for (int field = first + 1; field < last; ++field, level += share) {
+    change[field] += cover * (level - given);
+    given = level;
+  }
+  change[last] += cover * (1.0F - end - given);
+  change[last + 1] += cover * end;
+}
+
 /// A piece that goes down, within the grid: in every row, the change of ink that it brings to each
 /// field and to all fields on the right of it (signed areas, as font rasterisers keep them).
 void PatchPainter::accumulate(double x0, double y0, double x1, double y1, float sign) {
-  const double slope = (x1 - x0) / (y1 - y0);
-  const double size = size_;
-  double x = x0;
+  const auto slope = static_cast<float>((x1 - x0) / (y1 - y0));
+  const auto size = static_cast<float>(size_);
+  const int first = std::max(0, static_cast<int>(y0));
   const int last = std::min(size_ - 1, static_cast<int>(y1));
-  for (int row = std::max(0, static_cast<int>(y0)); row <= last; ++row) {
-    float* change = &grid_[static_cast<std::size_t>(row) * static_cast<std::size_t>(size_ + 2)];
-    const double height = std::min(row + 1.0, y1) - std::max(static_cast<double>(row), y0);
-    if (height <= 0.0) continue;
-    const double next = std::clamp(x + slope * height, 0.0, size);
-    const auto cover = static_cast<float>(height) * sign;
-    const double low = std::min(x, next), high = std::max(x, next);
-    const int first = static_cast<int>(low);
-    if (high <= first + 1.0) {
-      const auto right = static_cast<float>(0.5 * (low + high) - first);
-      change[first] += cover - cover * right;
-      change[first + 1] += cover * right;
-    } else {
-      // The fields it crosses from side to side have equal shares of its height; of each share,
-      // half is to the field's right.
-      const auto share = static_cast<float>(1.0 / (high - low));
-      const int last_field = static_cast<int>(std::ceil(high)) - 1;
-      const auto enters = static_cast<float>(first + 1.0 - low);
-      const auto leaves = static_cast<float>(high - last_field);
-      const float begin = 0.5F * share * enters * enters, end = 0.5F * share * leaves * leaves;
-      // What has been passed on so far, up to the field at hand.
-      change[first] += cover * begin;
-      float given = begin;
-      float level = share * (enters + 0.5F);  // of the next field, if it is crossed
-      for (int field = first + 1; field < last_field; ++field, level += share) {
-        change[field] += cover * (level - given);
-        given = level;
-      }
-      change[last_field] += cover * (1.0F - end - given);
-      change[last_field + 1] += cover * end;
-    }
+  float* change = &grid_[static_cast<std::size_t>(first * (size_ + 2))];
+  auto x = static_cast<float>(x0);
+  const auto down = [&](float height) {
+    const float next = std::clamp(x + slope * height, 0.0F, size);
+    cover_row(change, x, next, height * sign);
+    change += size_ + 2;
     x = next;
+  };
+  if (first >= last) {
+    if (first == last) down(static_cast<float>(y1 - y0));
+    return;
   }
+  down(static_cast<float>(first + 1.0 - y0));
+  for (int row = first + 1; row < last; ++row) down(1.0F);
+  if (y1 > last) down(static_cast<float>(y1 - last));
 }
 
 void PatchPainter::fill_rows(const std::function<bool(const Vector2d&)>& is_black) {

@@ -60,6 +60,7 @@ class PatchPainter {
     float jump;
   };
 
+  static void cover_row(float* change, float x, float next, float cover);
   void accumulate(double x0, double y0, double x1, double y1, float sign);
   void fill_rows(const std::function<bool(const Eigen::Vector2d&)>& is_black);
   void smear();

@@ -10,6 +10,7 @@
 #include "pose/group.hpp"
 #include "pose/paper.hpp"
 #include "pose/pose_search.hpp"
+#include "pose/refine.hpp"
 
 namespace harco {
 namespace {
@@ -41,6 +42,8 @@ constexpr double kMostNoise = 9.0;
 constexpr double kPlainPx = 100.0;
 // Corners that are told apart by more than this, root mean square, tell two poses apart.
 constexpr double kMirroredPx = 1.0;
+// ... where the picture doesn't tell corners better: to so many times their deviation.
+constexpr double kSurelyApart = 8.0;
 // What agrees with the picture by so much less isn't worth aligning.
 constexpr double kHardlyLess = 0.03;
 
@@ -76,10 +79,11 @@ struct Evidence {
   Aligner& aligner;
   std::optional<InkOutline> outline;  ///< there if poses shall be aligned
 
-  Solution solution(const Eigen::Isometry3d& start, const Matrix6d& covariance) const {
+  Solution solution(const Eigen::Isometry3d& start, const Matrix6d& covariance,
+                    const std::optional<Alignment>& rival = std::nullopt) const {
     Solution found{start, covariance, std::nullopt};
     if (outline)
-      found.alignment = aligner.align(image, *outline, cell_m, camera, start, covariance);
+      found.alignment = aligner.align(image, *outline, cell_m, camera, start, covariance, rival);
     if (found.alignment) {
       found.camera_T_marker = found.alignment->camera_T_marker;
       found.covariance = found.alignment->covariance;
@@ -127,7 +131,8 @@ struct Evidence {
     if (aligned && (aligned->plain || largest_px2(used) > kPlainPx * kPlainPx)) return;
     const PoseSearch search(image, *outline, cell_m, camera, used);
     if (aligned && !verdict.second)
-      if (const auto other = search.mirrored(verdict.first.camera_T_marker, kMirroredPx))
+      if (const auto other =
+              search.mirrored(verdict.first.camera_T_marker, alike_px(*aligned, used)))
         weigh_aligned(verdict, *other);
     if (convinces(verdict.first)) return;
     aligner.refill();
@@ -140,10 +145,27 @@ struct Evidence {
     }
   }
 
+  /// By how much corners of another pose may differ for the picture to take it for this one,
+  /// root mean square.
+  double alike_px(const Alignment& aligned, const std::vector<Observation>& used) const {
+    if (!aligned.fits) return kMirroredPx;
+    double sum = 0.0, count = 0.0;
+    for (const Observation& seen : used)
+      for (Eigen::Index i = 0; i < 4; ++i)
+        if (const auto at =
+                predict(aligned.camera_T_marker, aligned.covariance, seen.plane.col(i))) {
+          sum += 0.5 * at->covariance.trace();
+          count += 1.0;
+        }
+    return std::min(kMirroredPx, kSurelyApart * camera.fx * std::sqrt(sum / std::max(1.0, count)));
+  }
+
   void weigh_aligned(Verdict& verdict, const RoughPose& rough) const {
-    Solution found = solution(rough.camera_T_marker, rough.covariance);
+    const std::optional<Alignment> rival =
+        convinces(verdict.first) ? verdict.first.alignment : std::nullopt;
+    Solution found = solution(rough.camera_T_marker, rough.covariance, rival);
     if (!found.alignment) return;
-    if (!found.alignment->plain) found = again(found);
+    if (!found.alignment->plain) found = again(found, rival);
     if (found.alignment->share > kLeastShare) weigh(verdict, found);
   }
 
@@ -154,8 +176,8 @@ struct Evidence {
   }
 
   /// Aligned once more, from where it came to.
-  Solution again(const Solution& aligned) const {
-    const Solution next = solution(aligned.camera_T_marker, aligned.covariance);
+  Solution again(const Solution& aligned, const std::optional<Alignment>& rival) const {
+    const Solution next = solution(aligned.camera_T_marker, aligned.covariance, rival);
     return next.alignment && next.alignment->share > aligned.alignment->share ? next : aligned;
   }
 };

@@ -47,11 +47,24 @@ Classes split(std::span<const float> values) {
 ShadowShape::Depth ShadowShape::depth(float value) {
   // A disc of light behind an edge fades much like the normal distribution.
   constexpr float kFar = 4.0F;
+  constexpr std::size_t kPerUnit = 64, kCells = 2 * 4 * kPerUnit;
+  static const std::array<Depth, kCells + 2> kTable = [] {
+    std::array<Depth, kCells + 2> table{};
+    constexpr auto kRoot = static_cast<float>(std::numbers::inv_sqrtpi / std::numbers::sqrt2);
+    for (std::size_t i = 0; i < table.size(); ++i) {
+      const float at = static_cast<float>(i) / static_cast<float>(kPerUnit) - kFar;
+      table[i] = {0.5F * std::erfc(-at / std::numbers::sqrt2_v<float>),
+                  kRoot * std::exp(-0.5F * at * at)};
+    }
+    return table;
+  }();
   if (value > kFar) return {1.0F, 0.0F};
-  if (value < -kFar) return {0.0F, 0.0F};
-  constexpr auto kRoot = static_cast<float>(std::numbers::inv_sqrtpi / std::numbers::sqrt2);
-  return {0.5F * std::erfc(-value / std::numbers::sqrt2_v<float>),
-          kRoot * std::exp(-0.5F * value * value)};
+  if (!(value > -kFar)) return {0.0F, 0.0F};
+  const float place = (value + kFar) * static_cast<float>(kPerUnit);
+  const auto cell = static_cast<std::size_t>(place);
+  const float part = place - static_cast<float>(cell);
+  const Depth &low = kTable[cell], &high = kTable[cell + 1];
+  return {low.share + part * (high.share - low.share), low.slope + part * (high.slope - low.slope)};
 }
 
 std::optional<Shadow> find_shadow(std::span<const float> grey, std::span<const float> u,

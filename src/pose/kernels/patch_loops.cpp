@@ -10,13 +10,15 @@
 HWY_BEFORE_NAMESPACE();
 namespace harco::kernels::HWY_NAMESPACE {
 
-// Plain loops over blocks of fixed length, which the compiler turns into each target's vectors.
-using Lanes = float __attribute__((vector_size(32)));  // g++'s and clang's own
-constexpr std::size_t kLanes = 8;
+namespace hn = hwy::HWY_NAMESPACE;
+
+// Sums over blocks of fixed length, which the compiler turns into each target's vectors.
+using Lanes = float __attribute__((vector_size(64)));  // g++'s and clang's own
+constexpr std::size_t kLanes = 16;
 
 template <std::size_t kColumns>
 HWY_INLINE void products(const float* HWY_RESTRICT a, const float* const* columns,
-                         std::size_t count, float* HWY_RESTRICT sums) {
+                         std::size_t first, std::size_t count, float* HWY_RESTRICT sums) {
   Lanes lanes[kColumns] = {};
   std::size_t i = 0;
   for (; i + kLanes <= count; i += kLanes) {
@@ -25,25 +27,159 @@ HWY_INLINE void products(const float* HWY_RESTRICT a, const float* const* column
 #pragma GCC unroll 4
     for (std::size_t c = 0; c < kColumns; ++c) {
       Lanes right;
-      __builtin_memcpy(&right, columns[c] + i, sizeof right);
+      __builtin_memcpy(&right, columns[c] + first + i, sizeof right);
       lanes[c] += left * right;
     }
   }
   for (std::size_t c = 0; c < kColumns; ++c) {
     const Lanes& l = lanes[c];
     float rest = 0.0F;
-    for (std::size_t k = i; k < count; ++k) rest += a[k] * columns[c][k];
-    sums[c] = (((l[0] + l[4]) + (l[2] + l[6])) + ((l[1] + l[5]) + (l[3] + l[7]))) + rest;
+    for (std::size_t k = i; k < count; ++k) rest += a[k] * columns[c][first + k];
+    float halves[8];
+    for (std::size_t k = 0; k < 8; ++k) halves[k] = l[k] + l[k + 8];
+    sums[c] += (((halves[0] + halves[4]) + (halves[2] + halves[6])) +
+                ((halves[1] + halves[5]) + (halves[3] + halves[7]))) +
+               rest;
   }
 }
 
-void weighted_products_on(const float* HWY_RESTRICT weights, const float* HWY_RESTRICT row,
-                          const float* const* columns, std::size_t n, std::size_t count,
-                          float* HWY_RESTRICT scratch, float* HWY_RESTRICT sums) {
-  for (std::size_t i = 0; i < count; ++i) scratch[i] = weights[i] * row[i];
-  std::size_t k = 0;
-  for (; k + 4 <= n; k += 4) products<4>(scratch, columns + k, count, sums + k);
-  for (; k < n; ++k) products<1>(scratch, columns + k, count, sums + k);
+void normal_products_on(const float* HWY_RESTRICT weights, const float* const* columns,
+                        std::size_t n, std::size_t count, float* HWY_RESTRICT sums) {
+  constexpr std::size_t kBlock = 512;  // of all columns, that the first cache holds
+  float weighted[kBlock];
+  for (std::size_t k = 0; k < n * n; ++k) sums[k] = 0.0F;
+  for (std::size_t first = 0; first < count; first += kBlock) {
+    const std::size_t length = count - first < kBlock ? count - first : kBlock;
+    for (std::size_t a = 1; a < n; ++a) {
+      const float* HWY_RESTRICT row = columns[a] + first;
+      for (std::size_t i = 0; i < length; ++i) weighted[i] = weights[first + i] * row[i];
+      std::size_t k = 0;
+      for (; k + 4 <= a + 1; k += 4)
+        products<4>(weighted, columns + k, first, length, sums + a * n + k);
+      for (; k <= a; ++k) products<1>(weighted, columns + k, first, length, sums + a * n + k);
+    }
+  }
+}
+
+void subtract_rows_on(const float* HWY_RESTRICT from, const float* const* columns,
+                      const float* HWY_RESTRICT by, std::size_t n, std::size_t count,
+                      float* HWY_RESTRICT left) {
+  constexpr std::size_t kBlock = 1024;
+  for (std::size_t first = 0; first < count; first += kBlock) {
+    const std::size_t last = count - first < kBlock ? count : first + kBlock;
+    for (std::size_t i = first; i < last; ++i) left[i] = from[i];
+    for (std::size_t k = 0; k < n; ++k) {
+      const float* HWY_RESTRICT row = columns[k];
+      const float times = by[k];
+      for (std::size_t i = first; i < last; ++i) left[i] -= times * row[i];
+    }
+  }
+}
+
+/// Calls visit(tag, i) for whole vectors first, one by one for the rest.
+template <typename Visit>
+HWY_INLINE void for_each_vector(std::size_t count, Visit visit) {
+  const hn::ScalableTag<float> all;
+  const hn::CappedTag<float, 1> one;
+  std::size_t i = 0;
+  for (; i + hn::Lanes(all) <= count; i += hn::Lanes(all)) visit(all, i);
+  for (; i < count; ++i) visit(one, i);
+}
+
+void huber_weights_on(const float* HWY_RESTRICT residuals, float inverse_variance,
+                      std::size_t count, float* HWY_RESTRICT weights) {
+  for_each_vector(count, [&](auto d, std::size_t i) {
+    const auto r = hn::LoadU(d, residuals + i), one = hn::Set(d, 1.0F);
+    const auto z2 = r * r * hn::Set(d, inverse_variance);
+    hn::StoreU(one / hn::Sqrt(hn::Max(one, z2)), d, weights + i);
+  });
+}
+
+void tukey_weights_on(const float* HWY_RESTRICT residuals, float inverse_variance,
+                      float inverse_limit, std::size_t count, float* HWY_RESTRICT weights) {
+  for_each_vector(count, [&](auto d, std::size_t i) {
+    const auto r = hn::LoadU(d, residuals + i);
+    const auto z2 = r * r * hn::Set(d, inverse_variance);
+    const auto q = hn::Max(hn::Zero(d), hn::Set(d, 1.0F) - z2 * hn::Set(d, inverse_limit));
+    hn::StoreU(q * q, d, weights + i);
+  });
+}
+
+void flow_rows_on(const Gradients& g, const Flow* flows, std::size_t n, std::size_t count,
+                  float* const* rows) {
+  for (std::size_t k = 0; k < n; ++k) {
+    const Flow flow = flows[k];
+    for_each_vector(count, [&](auto d, std::size_t i) {
+      const auto dx = hn::LoadU(d, g.dx + i), dy = hn::LoadU(d, g.dy + i);
+      const auto along = [&](const float* f) {
+        return hn::Set(d, f[0]) + hn::Set(d, f[1]) * dx + hn::Set(d, f[2]) * dy;
+      };
+      hn::StoreU(
+          hn::LoadU(d, g.by_x + i) * along(flow.x) + hn::LoadU(d, g.by_y + i) * along(flow.y), d,
+          rows[k] + i);
+    });
+  }
+}
+
+void light_rows_on(const LitSamples& at, const LightTerms& light, float gain, std::size_t first,
+                   std::size_t count) {
+  constexpr float kBrightest = 255.0F;
+  const float* l = light.levels;
+  for_each_vector(count, [&](auto d, std::size_t k) {
+    const std::size_t i = first + k;
+    const hn::RebindToSigned<decltype(d)> di;
+    const auto set = [&](float value) { return hn::Set(d, value); };
+    const auto one = set(1.0F);
+    const auto u = hn::LoadU(d, at.u + i), v = hn::LoadU(d, at.v + i);
+    const auto share = hn::Min(hn::Max(hn::LoadU(d, at.white_share + i), hn::Zero(d)), one);
+    const auto place = share * set(static_cast<float>(light.cells));
+    const auto cell = hn::Min(hn::ConvertTo(di, place), hn::Set(di, light.cells - 1));
+    const auto part = place - hn::ConvertTo(d, cell);
+    const auto look_up = [&](const float* table) {
+      const auto low = hn::GatherIndex(d, table, cell);
+      return low + part * (hn::GatherIndex(d, table + 1, cell) - low);
+    };
+    const auto seen = look_up(light.seen), unseen = one - seen;
+    const auto bow = u * (set(l[6]) * u + set(l[7]) * v) + v * v * set(l[8]);
+    const auto plane = set(l[0]) + set(l[1]) * u + set(l[2]) * v + set(light.dark_part) * bow;
+    const auto parabola = set(l[3]) + set(l[4]) * u + set(l[5]) * v + bow;
+    auto on_black = set(gain), on_white = set(gain);
+    if (at.depth != nullptr) {
+      const auto depth = hn::LoadU(d, at.depth + i);
+      on_black = on_black * (one - depth * set(light.less_black));
+      on_white = on_white * (one - depth * set(light.less_white));
+    }
+    const auto black = on_black * plane;
+    auto contrast = on_white * parabola - black;
+    const auto value = black + contrast * seen;
+    // Nothing that is burnt out tells by how much.
+    const auto burnt = hn::Gt(value, set(kBrightest));
+    contrast = hn::IfThenZeroElse(burnt, contrast);
+    on_black = hn::IfThenZeroElse(burnt, on_black);
+    on_white = hn::IfThenZeroElse(burnt, on_white);
+    hn::StoreU(hn::LoadU(d, at.grey + i) - hn::Min(set(kBrightest), value), d, at.residuals + i);
+    const auto slope = contrast * look_up(light.slope);
+    for (std::size_t c = 0; c < light.pictured; ++c)
+      hn::StoreU(hn::LoadU(d, at.columns[c] + i) * slope, d, at.columns[c] + i);
+    float* const* to = at.columns + light.pictured;
+    const auto store = [&](auto row) { hn::StoreU(row, d, *to++ + i); };
+    store(contrast * look_up(light.by_log_gamma));
+    const auto of_black = on_black * unseen, of_white = on_white * seen;
+    store(of_black);
+    store(of_black * u);
+    store(of_black * v);
+    store(of_white);
+    store(of_white * u);
+    store(of_white * v);
+    const auto both = of_white + set(light.dark_part) * of_black;
+    store(both * u * u);
+    store(both * u * v);
+    store(both * v * v);
+    if (at.depth == nullptr) return;
+    const auto missing = hn::IfThenZeroElse(burnt, set(gain) * hn::LoadU(d, at.depth + i));
+    store(missing * parabola * seen);
+    store(missing * plane * unseen);
+  });
 }
 
 /// Along the rows: what each pixel's column of a patch sees of every row of half pixels.
@@ -120,12 +256,43 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace harco::kernels {
 
-HWY_EXPORT(weighted_products_on);
+HWY_EXPORT(normal_products_on);
+HWY_EXPORT(subtract_rows_on);
+HWY_EXPORT(huber_weights_on);
+HWY_EXPORT(tukey_weights_on);
+HWY_EXPORT(flow_rows_on);
+HWY_EXPORT(light_rows_on);
 HWY_EXPORT(blur_patch_on);
 
-void weighted_products(const float* weights, const float* row, const float* const* columns,
-                       std::size_t n, std::size_t count, float* scratch, float* sums) {
-  HWY_DYNAMIC_DISPATCH(weighted_products_on)(weights, row, columns, n, count, scratch, sums);
+void normal_products(const float* weights, const float* const* columns, std::size_t n,
+                     std::size_t count, float* sums) {
+  HWY_DYNAMIC_DISPATCH(normal_products_on)(weights, columns, n, count, sums);
+}
+
+void subtract_rows(const float* from, const float* const* columns, const float* by, std::size_t n,
+                   std::size_t count, float* left) {
+  HWY_DYNAMIC_DISPATCH(subtract_rows_on)(from, columns, by, n, count, left);
+}
+
+void huber_weights(const float* residuals, float inverse_variance, std::size_t count,
+                   float* weights) {
+  HWY_DYNAMIC_DISPATCH(huber_weights_on)(residuals, inverse_variance, count, weights);
+}
+
+void tukey_weights(const float* residuals, float inverse_variance, float inverse_limit,
+                   std::size_t count, float* weights) {
+  HWY_DYNAMIC_DISPATCH(tukey_weights_on)
+  (residuals, inverse_variance, inverse_limit, count, weights);
+}
+
+void flow_rows(const Gradients& gradients, const Flow* flows, std::size_t n, std::size_t count,
+               float* const* rows) {
+  HWY_DYNAMIC_DISPATCH(flow_rows_on)(gradients, flows, n, count, rows);
+}
+
+void light_rows(const LitSamples& samples, const LightTerms& light, float gain, std::size_t first,
+                std::size_t count) {
+  HWY_DYNAMIC_DISPATCH(light_rows_on)(samples, light, gain, first, count);
 }
 
 void blur_patch(const float* grid, std::size_t stride, std::size_t margin, const Taps& taps,

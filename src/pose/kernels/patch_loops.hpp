@@ -6,9 +6,62 @@
 
 namespace harco::kernels {
 
-/// sum of weights[i] * row[i] * columns[k][i] over i < count, for every k < n, into sums[k].
-void weighted_products(const float* weights, const float* row, const float* const* columns,
-                       std::size_t n, std::size_t count, float* scratch, float* sums);
+/// sums[a * n + b] = sum over i < count of weights[i] * columns[a][i] * columns[b][i], for
+/// 1 <= a < n and b <= a; the rest is zero. So columns[0] may be what is to be explained.
+void normal_products(const float* weights, const float* const* columns, std::size_t n,
+                     std::size_t count, float* sums);
+
+/// left = from - sum over k < n of by[k] * columns[k], for i < count.
+void subtract_rows(const float* from, const float* const* columns, const float* by, std::size_t n,
+                   std::size_t count, float* left);
+
+/// 1 for residuals of up to one sigma, sigma over their size beyond.
+void huber_weights(const float* residuals, float inverse_variance, std::size_t count,
+                   float* weights);
+
+/// (1 - z^2 / limit)^2 with z^2 the residual squared over the variance, and zero where that is more
+/// than the limit.
+void tukey_weights(const float* residuals, float inverse_variance, float inverse_limit,
+                   std::size_t count, float* weights);
+
+/// A picture's slopes at some pixels, which are (dx, dy) from the middle of their patch.
+struct Gradients {
+  const float *by_x, *by_y, *dx, *dy;
+};
+
+/// How pixels move with an unknown: (value, change by x, change by y) for each coordinate.
+struct Flow {
+  float x[3], y[3];
+};
+
+/// How much the unknowns k < n change what the pixels see, row by row.
+void flow_rows(const Gradients& gradients, const Flow* flows, std::size_t n, std::size_t count,
+               float* const* rows);
+
+/// Levels of black and white over the marker, as in Light, and the camera's response as tables of
+/// cells + 1 values over the share of white.
+struct LightTerms {
+  const float *seen, *slope, *by_log_gamma;
+  int cells;
+  float levels[9];
+  float dark_part;               ///< black's level as a share of white's
+  float less_white, less_black;  ///< what a shadow takes of their light
+  std::size_t pictured;          ///< columns that change with the picture; the light's follow
+};
+
+/// Samples of a picture. `depth` is the shadow's, 0 ... 1, or null without one.
+struct LitSamples {
+  const float *grey, *white_share, *u, *v, *depth;
+  float* const* columns;
+  float* residuals;
+};
+
+/// From shares of white to grey values, for count samples from the first on: the residuals; the
+/// pictured columns scaled; then the columns of the response, of black (3), of white (6) and, in a
+/// shadow, of what it leaves of white's and of black's light. What is burnt out changes with
+/// nothing.
+void light_rows(const LitSamples& samples, const LightTerms& light, float gain, std::size_t first,
+                std::size_t count);
 
 /// Sides of a patch of pixels, see PatchPainter.
 inline constexpr std::size_t kSide = 16;
