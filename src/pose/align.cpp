@@ -43,7 +43,7 @@ static_assert(kShade - kBlack == Light::kLevels);
 constexpr std::size_t kPlenty = 96, kMostPatches = 192;
 constexpr double kEnough = 0.85;
 // So many make the first, rough step, and so many the next ones, until they hardly move.
-constexpr std::size_t kRoughPatches = 24, kSomePatches = 48;
+constexpr std::size_t kRoughPatches = 16, kSomePatches = 48;
 // Between refills, alignments may look at so many samples, each as often as it is looked at.
 constexpr std::size_t kMostLooks = 1000000;
 constexpr double kMiddle = 0.5 * (kPatch - 1);  // of a patch
@@ -262,8 +262,8 @@ class Aligner::Impl {
     const bool shadow = !lit && (!rival || rival->shaded);
     if (!fits(best) && shadow) prefer(best, run(LightModel::shadow));
     if (!fits(best) && !(best && spent())) {
-      if (best && (plain || rival || best->state.shaded))
-        prefer(best, unevenly(*best));
+      if (best && (lit || rival || best->state.shaded))
+        prefer(best, unevenly(*best, !plain && !rival && !best->state.shaded));
       else if (!rival)
         prefer(best, run(LightModel::uneven));
     }
@@ -303,12 +303,16 @@ class Aligner::Impl {
     return found.share / (found.noise * std::sqrt(std::max(1.0, found.evenness)));
   }
 
-  /// From what settled in another light: patches have lights of their own besides.
-  std::optional<Settled> unevenly(const Settled& from) {
+  /// From what settled in another light: patches have lights of their own besides; perhaps there is
+  /// a shadow, too.
+  std::optional<Settled> unevenly(const Settled& from, bool look_for_shadow) {
     light_ = LightModel::uneven;
     state_ = from.state;
     reblurred_ = 0.0;
-    return lay_patches() && settles(0.0) ? finish() : std::nullopt;
+    if (!lay_patches()) return std::nullopt;
+    choose_patches(kMostPatches, kEnough);
+    if (look_for_shadow && linearise()) take_shadow();
+    return settles(0.0) ? finish() : std::nullopt;
   }
 
   std::optional<Settled> run(LightModel light) {
@@ -330,9 +334,8 @@ class Aligner::Impl {
     choose_patches(light == LightModel::even ? kRoughPatches : kMostPatches, 1.0);
     if (!linearise() || !first_levels()) return std::nullopt;
     if (light != LightModel::even) {
-      state_.shaded = first_shadow();
+      take_shadow();
       if (!state_.shaded && light == LightModel::shadow) return std::nullopt;
-      if (state_.shaded) steepen_shadow();
     }
     state_.oriented = true;
     if (state_.shaded) fit_light();
@@ -864,6 +867,11 @@ class Aligner::Impl {
     state_.light.levels(0) = dark - (many_at(black, 0.0F) ? beyond : 0.0);
     state_.light.levels(kWhite - kBlack) = bright + (many_at(white, kBrightest) ? beyond : 0.0);
     return true;
+  }
+
+  void take_shadow() {
+    state_.shaded = first_shadow();
+    if (state_.shaded) steepen_shadow();
   }
 
   /// The shadow that paper shows, if there is one.

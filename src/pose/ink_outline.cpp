@@ -1,8 +1,7 @@
 #include "pose/ink_outline.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <cstdlib>
+#include <cstdint>
 
 namespace harco {
 namespace {
@@ -14,47 +13,56 @@ constexpr int kCells = 49;
 // Coordinates this near to each other, as a share of the side, are one: rounding.
 constexpr double kSame = 1e-9;
 
-/// On a line, the ink beyond it changes by `jump` from here on.
-struct Change {
-  std::int64_t line, at;  ///< in units of kSame sides
-  int jump;
-};
-
 /// The borders between ink and paper that lie on lines of one direction. A border that two
 /// rectangles share vanishes.
 class Lines {
  public:
-  void add(double line, double from, double to, int jump, double unit) {
-    const auto whole = [unit](double v) {
-      return static_cast<std::int64_t>(std::llround(v / unit));
-    };
-    changes_.push_back({whole(line), whole(from), jump});
-    changes_.push_back({whole(line), whole(to), -jump});
+  /// Lengths are told apart by `unit`.
+  explicit Lines(double unit) : unit_(unit) {}
+
+  void add(double line, double from, double to, int jump) {
+    changes_.push_back({key(line, from), jump});
+    changes_.push_back({key(line, to), -jump});
   }
 
   /// Calls visit(line, from, to, whether ink lies beyond the line).
   template <typename Visit>
-  void borders(double unit, Visit visit) {
-    std::sort(changes_.begin(), changes_.end(), [](const Change& a, const Change& b) {
-      return a.line != b.line ? a.line < b.line : a.at < b.at;
-    });
+  void borders(Visit visit) {
+    std::sort(changes_.begin(), changes_.end(),
+              [](const Change& a, const Change& b) { return a.key < b.key; });
     int ink = 0;
-    std::int64_t since = 0;
+    std::uint64_t since = 0;
     for (std::size_t i = 0; i < changes_.size();) {
-      const Change& here = changes_[i];
+      const std::uint64_t here = changes_[i].key;
       int next = ink;
-      for (; i < changes_.size() && changes_[i].line == here.line && changes_[i].at == here.at; ++i)
-        next += changes_[i].jump;
+      for (; i < changes_.size() && changes_[i].key == here; ++i) next += changes_[i].jump;
       if (next == ink) continue;
-      if (ink != 0)
-        visit(unit * static_cast<double>(here.line), unit * static_cast<double>(since),
-              unit * static_cast<double>(here.at), ink > 0);
+      if (ink != 0) visit(length(here >> 32U), length(since), length(here), ink > 0);
       ink = next;
-      since = here.at;
+      since = here;
     }
   }
 
  private:
+  /// Along a line, the ink beyond it changes by `jump` from here on.
+  struct Change {
+    std::uint64_t key;  ///< which line, then where on it
+    int jump;
+  };
+
+  static constexpr std::int64_t kZero = std::int64_t{1} << 30U;  // what a length of zero is kept as
+
+  std::uint64_t key(double line, double at) const {
+    const auto whole = [this](double v) {
+      return static_cast<std::uint64_t>(static_cast<double>(kZero) + v / unit_ + 0.5);
+    };
+    return (whole(line) << 32U) | whole(at);
+  }
+  double length(std::uint64_t half) const {
+    return unit_ * static_cast<double>(static_cast<std::int64_t>(half & 0xffffffffU) - kZero);
+  }
+
+  double unit_;
   std::vector<Change> changes_;
 };
 
@@ -62,20 +70,20 @@ class Lines {
 
 InkOutline::InkOutline(const InkPlan& plan) : square_(plan.square) {
   const double unit = kSame * square_.width();
-  Lines upright, level;
+  Lines upright(unit), level(unit);
   const auto add = [&](const Rect& r, int ink) {
-    upright.add(r.x0, r.y0, r.y1, ink, unit);
-    upright.add(r.x1, r.y0, r.y1, -ink, unit);
-    level.add(r.y0, r.x0, r.x1, ink, unit);
-    level.add(r.y1, r.x0, r.x1, -ink, unit);
+    upright.add(r.x0, r.y0, r.y1, ink);
+    upright.add(r.x1, r.y0, r.y1, -ink);
+    level.add(r.y0, r.x0, r.x1, ink);
+    level.add(r.y1, r.x0, r.x1, -ink);
   };
   add(plan.square, 1);
   for (const Rect& r : plan.white) add(r, -1);
   for (const Rect& r : plan.black) add(r, 1);
-  upright.borders(unit, [&](double x, double y0, double y1, bool ink_right) {
+  upright.borders([&](double x, double y0, double y1, bool ink_right) {
     edges_.push_back(ink_right ? InkEdge{{x, y1}, {x, y0}} : InkEdge{{x, y0}, {x, y1}});
   });
-  level.borders(unit, [&](double y, double x0, double x1, bool ink_below) {
+  level.borders([&](double y, double x0, double x1, bool ink_below) {
     edges_.push_back(ink_below ? InkEdge{{x0, y}, {x1, y}} : InkEdge{{x1, y}, {x0, y}});
   });
   white_ = index(plan.white);

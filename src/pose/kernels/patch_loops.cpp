@@ -68,7 +68,15 @@ void subtract_rows_on(const float* HWY_RESTRICT from, const float* const* column
   for (std::size_t first = 0; first < count; first += kBlock) {
     const std::size_t last = count - first < kBlock ? count : first + kBlock;
     for (std::size_t i = first; i < last; ++i) left[i] = from[i];
-    for (std::size_t k = 0; k < n; ++k) {
+    std::size_t k = 0;
+    for (; k + 4 <= n; k += 4) {
+      const float *HWY_RESTRICT a = columns[k], *HWY_RESTRICT b = columns[k + 1];
+      const float *HWY_RESTRICT c = columns[k + 2], *HWY_RESTRICT d = columns[k + 3];
+      const float ta = by[k], tb = by[k + 1], tc = by[k + 2], td = by[k + 3];
+      for (std::size_t i = first; i < last; ++i)
+        left[i] -= (ta * a[i] + tb * b[i]) + (tc * c[i] + td * d[i]);
+    }
+    for (; k < n; ++k) {
       const float* HWY_RESTRICT row = columns[k];
       const float times = by[k];
       for (std::size_t i = first; i < last; ++i) left[i] -= times * row[i];
