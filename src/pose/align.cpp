@@ -45,7 +45,9 @@ constexpr double kEnough = 0.85;
 // So many make the first, rough step, and so many the next ones, until they hardly move.
 constexpr std::size_t kRoughPatches = 16, kSomePatches = 48;
 // Between refills, alignments may look at so many samples, each as often as it is looked at.
-constexpr std::size_t kMostLooks = 1000000;
+constexpr std::size_t kMostLooks = 150000;
+// A look of the light's alone costs this part of one.
+constexpr std::size_t kLightLooks = 4;
 constexpr double kMiddle = 0.5 * (kPatch - 1);  // of a patch
 constexpr std::size_t kLeastSamples = 60;
 // The blur at first, and what it may be: variances in square pixels.
@@ -81,6 +83,8 @@ constexpr double kLeastShare = 0.4;
 constexpr double kPlainShare = 0.88;
 // ... if patches as a whole fit no worse than this, too, for many patches and by chance for few.
 constexpr double kEven = 0.65, kEvenByChance = 2.5, kMostEven = 1.3;
+// ... and far from even if they fit worse than this.
+constexpr double kFarFromEven = 8.0;
 // Where the pose puts a pixel no worse than this, its patch can be compared.
 constexpr double kTrustedPx = 0.4;
 // If nothing is as good as that: patches that are so many times as bad as the best, up to a limit.
@@ -255,18 +259,20 @@ class Aligner::Impl {
     camera_ = camera;
     start_ = start;
     start_covariance_ = start_covariance;
-    std::optional<Settled> best = run(LightModel::even);
+    // Where the first step shows light to be far from even, even light is the last resort.
+    const bool shadow = !rival || rival->shaded;
+    std::optional<Settled> best = run(LightModel::even, shadow);
+    const bool put_off = far_from_even_;
     // If all fits but for a little unevenness, it's no shadow.
-    const bool lit = best && best->alignment.share > kPlainShare;
-    const bool plain = lit && best->alignment.evenness < kMostEven;
-    const bool shadow = !lit && (!rival || rival->shaded);
-    if (!fits(best) && shadow) prefer(best, run(LightModel::shadow));
-    if (!fits(best) && !(best && spent())) {
-      if (best && (lit || rival || best->state.shaded))
+    const bool plain = is_lit(best) && best->alignment.evenness < kMostEven;
+    if (shadow && !is_lit(best)) prefer(best, run(LightModel::shadow));
+    if (!fits(best) && !spent()) {
+      if (best && (is_lit(best) || rival || best->state.shaded))
         prefer(best, unevenly(*best, !plain && !rival && !best->state.shaded));
       else if (!rival)
         prefer(best, run(LightModel::uneven));
     }
+    if (!best && put_off) best = run(LightModel::even);
     if (!best) return std::nullopt;
     best->alignment.plain = plain;
     best->alignment.fits =
@@ -290,9 +296,12 @@ class Aligner::Impl {
     State state;
   };
 
+  static bool is_lit(const std::optional<Settled>& found) {
+    return found && found->alignment.share > kPlainShare;
+  }
+
   bool fits(const std::optional<Settled>& found) const {
-    return found && found->alignment.share > kPlainShare &&
-           found->alignment.evenness < even_enough();
+    return is_lit(found) && found->alignment.evenness < even_enough();
   }
 
   static void prefer(std::optional<Settled>& best, const std::optional<Settled>& next) {
@@ -315,8 +324,10 @@ class Aligner::Impl {
     return settles(0.0) ? finish() : std::nullopt;
   }
 
-  std::optional<Settled> run(LightModel light) {
+  /// If it `may_be_put_off`, it ends where the first step shows light to be far from even.
+  std::optional<Settled> run(LightModel light, bool may_be_put_off = false) {
     light_ = light;
+    far_from_even_ = false;
     spread_ = own_lights_ = 0.0;
     scale_ = kUsualNoise;
     framed_ = false;
@@ -331,7 +342,7 @@ class Aligner::Impl {
       state_.blur *= trusted_px_ * trusted_px_ / kFirstVariance;
       if (!lay_patches()) return std::nullopt;
     }
-    choose_patches(light == LightModel::even ? kRoughPatches : kMostPatches, 1.0);
+    choose_patches(first_patches(light), 1.0);
     if (!linearise() || !first_levels()) return std::nullopt;
     if (light != LightModel::even) {
       take_shadow();
@@ -342,9 +353,18 @@ class Aligner::Impl {
     linearise_levels();
     const std::optional<double> moved = step(Weights::huber);
     if (!moved) return std::nullopt;
+    far_from_even_ = may_be_put_off && evenness() > kFarFromEven;
+    if (far_from_even_) return std::nullopt;
     state_.oriented = has_direction();
     state_.peaked = 0.5 * state_.blur.trace() > kOutOfFocus && patches_.size() > kFewForPeak;
     return settles(*moved) ? finish() : std::nullopt;
+  }
+
+  /// How many are looked at first: the more unknowns, the more.
+  static std::size_t first_patches(LightModel light) {
+    return light == LightModel::even     ? kRoughPatches
+           : light == LightModel::shadow ? kPlenty
+                                         : kMostPatches;
   }
 
   /// Steps until they hardly move, with some of the patches first, with all that are wanted at
@@ -353,9 +373,10 @@ class Aligner::Impl {
     constexpr int kSteps = 8;
     constexpr double kSamePlace = 0.3;  // pixels: patches may stay where they are
     constexpr double kNearPx = 0.15;    // steps that move less call for all patches
-    const std::size_t few = light_ == LightModel::even ? kSomePatches : kMostPatches;
+    const bool even = light_ == LightModel::even;
+    const std::size_t few = even ? kSomePatches : first_patches(light_);
     bool finely = false;
-    for (int i = 0; i < kSteps && !spent(); ++i) {
+    for (int i = 0; i < kSteps && (even || !spent()); ++i) {
       const bool all = trusted_ == patches_.size();
       const std::size_t before = trusted_;
       const bool more = !finely && all && moved < kNearPx;
@@ -374,7 +395,9 @@ class Aligner::Impl {
       if (!next) return false;
       const bool grown = trusted_ > before;
       moved = *next;
-      if (finely && moved < kSettledPx && reblurred_ < kSameBlur && relit_ < kSameLight && !grown)
+      // A shadow's light is fitted anew before each step, and soft ones leave levels open.
+      const bool same_light = relit_ < kSameLight || state_.shaded;
+      if (finely && moved < kSettledPx && reblurred_ < kSameBlur && same_light && !grown)
         return true;
     }
     return false;
@@ -912,7 +935,7 @@ class Aligner::Impl {
   /// Levels and shadow alone, where the pose is good enough to tell black from white.
   void fit_light() {
     gather_light();
-    light_fit_.fit(state_.light, steepest());
+    looks_ += light_fit_.fit(state_.light, steepest()) * light_fit_.size() / kLightLooks;
   }
 
   /// No shadow's edge is steeper than pixels can show.
@@ -1425,6 +1448,7 @@ class Aligner::Impl {
   Isometry3d start_ = Isometry3d::Identity();
   std::optional<Matrix6d> start_covariance_;
   LightModel light_ = LightModel::even;
+  bool far_from_even_ = false;
   State state_;
   Response response_;
   LightFit light_fit_;

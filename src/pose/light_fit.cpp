@@ -113,19 +113,21 @@ void LightFit::solve(const Light& light) {
   for (Eigen::Index k = kShape; k < kUnknowns; ++k) normal_(k, k) += steady;
 }
 
-void LightFit::fit(Light& light, double steepest) {
-  constexpr int kSteps = 20;
+std::size_t LightFit::fit(Light& light, double steepest) {
+  constexpr std::size_t kSteps = 20;
   constexpr double kSettled = 1e-4;  // of the misfit
   constexpr double kMostDamping = 1e4;
-  if (count_ == 0) return;
+  if (count_ == 0) return 0;
   linearise(light);
   double cost = misfit(), damping = 0.01;
   solve(light);
-  for (int i = 0; i < kSteps && damping < kMostDamping; ++i) {
+  std::size_t step = 0;
+  while (step < kSteps && damping < kMostDamping) {
+    ++step;
     Normal damped = normal_;
     damped.diagonal() *= 1.0 + damping;
     const Row move = damped.ldlt().solve(pull_);
-    if (!move.allFinite()) return;
+    if (!move.allFinite()) break;
     Light next = light;
     next.levels += move.head<Light::kLevels>();
     next.shaded_white = std::clamp(next.shaded_white + move(kShade), 0.02, 5.0);
@@ -139,12 +141,13 @@ void LightFit::fit(Light& light, double steepest) {
       light = next;
       cost = next_cost;
       damping *= 0.2;
-      if (settled) return;
+      if (settled) break;
       solve(light);
     } else {
       damping *= 10.0;
     }
   }
+  return step;
 }
 
 double LightFit::best_steepness(const Light& light) {

@@ -43,8 +43,9 @@ class LightFit {
   std::size_t size() const { return count_; }
 
   /// Improves levels and shadow. `steepest` is the most that the shadow's polynomial may change
-  /// from here to there, over (u, v), root mean square where it isn't flat.
-  void fit(Light& light, double steepest);
+  /// from here to there, over (u, v), root mean square where it isn't flat. Returns how many steps
+  /// it took.
+  std::size_t fit(Light& light, double steepest);
 
   /// How much steeper than given the shadow's edge is: what fits best of some.
   double best_steepness(const Light& light);
