@@ -1,4 +1,4 @@
-// Shadows as pixels of paper show them.
+// Shadows as pixels of paper show them, and the light fitted to pixels of all kinds.
 #include "pose/shade.hpp"
 
 #include <cmath>
@@ -7,6 +7,8 @@
 #include <vector>
 
 #include <gtest/gtest.h>
+
+#include "pose/light_fit.hpp"
 
 namespace harco {
 namespace {
@@ -80,6 +82,76 @@ TEST(Shadow, FindsNoneInEvenLightAndNoneInSpots) {
                  return std::sin(9.0 * u) * std::sin(9.0 * v) > 0.0 ? 0.6 : 1.0;
                }).shadow());
   EXPECT_FALSE(Paper{}.shadow());
+}
+
+/// Greys of random pixels under a light, seen partly black and partly white, with noise.
+struct Lit {
+  LightFit fit;
+
+  Lit(const Light& light, float noise) {
+    std::mt19937 random(7);
+    std::uniform_real_distribution<float> place(-1.0F, 1.0F), share(0.0F, 1.0F);
+    std::normal_distribution<float> error(0.0F, noise);
+    for (int i = 0; i < 1500; ++i) {
+      const float u = place(random);
+      const float v = place(random);
+      const float white = share(random);
+      fit.add(grey(light, white, u, v) + error(random), white, u, v);
+    }
+  }
+
+  static float grey(const Light& light, float white, float u, float v) {
+    const Eigen::Matrix<float, Light::kLevels, 1> l = light.levels.cast<float>();
+    const float bow = l(6) * u * u + l(7) * u * v + l(8) * v * v;
+    const float black = l(0) + l(1) * u + l(2) * v + static_cast<float>(light.black_part()) * bow;
+    const float bright = l(3) + l(4) * u + l(5) * v + bow;
+    const float depth =
+        ShadowShape::depth(light.shape.cast<float>().dot(ShadowShape::terms(u, v))).share;
+    return (1.0F - depth * static_cast<float>(1.0 - light.shaded_black)) * (1.0F - white) * black +
+           (1.0F - depth * static_cast<float>(1.0 - light.shaded_white)) * white * bright;
+  }
+};
+
+/// A third of the marker in a shadow whose edge fades over a tenth of it.
+Light half_in_shadow() {
+  Light light;
+  light.levels << 30.0, 2.0, -1.0, 200.0, 8.0, -5.0, 3.0, 0.0, -2.0;
+  light.shaded_white = 0.5;
+  light.shaded_black = 0.6;
+  light.shape << -3.0, 8.0, 6.0, 0.0, 0.0, 0.0;
+  return light;
+}
+
+TEST(LightFit, ComesBackToTheLightFromARoughOne) {
+  const Light truth = half_in_shadow();
+  Lit lit(truth, 2.0F);
+  Light light;
+  light.levels << 40.0, 0.0, 0.0, 190.0, 0.0, 0.0, 0.0, 0.0, 0.0;
+  light.shaded_white = light.shaded_black = 0.6;
+  light.shape << -1.5, 5.0, 3.0, 0.0, 0.0, 0.0;
+  EXPECT_GT(lit.fit.fit(light, 100.0), 1U);
+  EXPECT_NEAR(light.shaded_white, 0.5, 0.01);
+  EXPECT_NEAR(light.shaded_black, 0.6, 0.05);
+  EXPECT_NEAR(light.levels(0), 30.0, 1.0);
+  EXPECT_NEAR(light.levels(3), 200.0, 1.0);
+  EXPECT_NEAR(light.levels(4), 8.0, 1.5);
+  // The border, where its polynomial vanishes.
+  EXPECT_NEAR(light.shape(0) / light.shape(1), -3.0 / 8.0, 0.02);
+  EXPECT_NEAR(light.shape(2) / light.shape(1), 6.0 / 8.0, 0.02);
+}
+
+TEST(LightFit, NoEdgeIsSteeperThanAllowed) {
+  Lit lit(half_in_shadow(), 1.0F);
+  Light light = half_in_shadow();
+  lit.fit.fit(light, 5.0);
+  EXPECT_LT(std::hypot(light.shape(1), light.shape(2)), 5.5);
+}
+
+TEST(LightFit, TellsHowMuchSteeperTheEdgeIs) {
+  Lit lit(half_in_shadow(), 1.0F);
+  Light light = half_in_shadow();
+  light.shape *= 4.0;
+  EXPECT_EQ(lit.fit.best_steepness(light), 0.25);
 }
 
 }  // namespace

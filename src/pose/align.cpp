@@ -45,7 +45,7 @@ constexpr double kEnough = 0.85;
 // So many make the first, rough step, and so many the next ones, until they hardly move.
 constexpr std::size_t kRoughPatches = 16, kSomePatches = 48;
 // Between refills, alignments may look at so many samples, each as often as it is looked at.
-constexpr std::size_t kMostLooks = 150000;
+constexpr std::size_t kMostLooks = 100000;
 // A look of the light's alone costs this part of one.
 constexpr std::size_t kLightLooks = 4;
 constexpr double kMiddle = 0.5 * (kPatch - 1);  // of a patch
@@ -281,11 +281,14 @@ class Aligner::Impl {
     return best->alignment;
   }
 
-  void refill() { looks_ = 0; }
+  void refill(double share) {
+    looks_ = 0;
+    most_looks_ = static_cast<std::size_t>(share * static_cast<double>(kMostLooks));
+  }
+
+  bool spent() const { return looks_ > most_looks_; }
 
  private:
-  bool spent() const { return looks_ > kMostLooks; }
-
   double even_enough() const {
     const double chance = kEvenByChance / std::sqrt(static_cast<double>(order_.size()));
     return std::min(kMostEven, kEven + chance);
@@ -1480,6 +1483,7 @@ class Aligner::Impl {
   std::size_t trusted_ = 0;
   double trusted_px_ = kTrustedPx;
 
+  std::size_t most_looks_ = kMostLooks;
   std::size_t looks_ = 0;  ///< samples looked at since the last refill
   std::size_t count_ = 0;
   std::array<std::vector<float>, kUnknowns> columns_of_rows_;
@@ -1497,7 +1501,8 @@ Aligner::~Aligner() = default;
 Aligner::Aligner(Aligner&&) noexcept = default;
 Aligner& Aligner::operator=(Aligner&&) noexcept = default;
 
-void Aligner::refill() { impl_->refill(); }
+void Aligner::refill(double share) { impl_->refill(share); }
+bool Aligner::spent() const { return impl_->spent(); }
 
 std::optional<Alignment> Aligner::align(const ImageView& image, const InkOutline& outline,
                                         double quiet_m, const Camera& camera,

@@ -56,9 +56,10 @@ class Aligner {
                                  const std::optional<Matrix6d>& start_covariance,
                                  const std::optional<Alignment>& rival = std::nullopt);
 
-  /// Bounds the work of all alignments that follow, until it is called again: to some milliseconds.
-  /// What can't be finished is left out.
-  void refill();
+  /// Bounds the work of all alignments that follow, until it is called again: to some milliseconds,
+  /// or a share of that. Once it is spent, other light than even isn't tried any more.
+  void refill(double share = 1.0);
+  bool spent() const;
 
  private:
   class Impl;

@@ -51,10 +51,11 @@ class Lines {
   };
 
   static constexpr std::int64_t kZero = std::int64_t{1} << 30U;  // what a length of zero is kept as
+  static constexpr double kZeroAndHalf = static_cast<double>(kZero) + 0.5;
 
   std::uint64_t key(double line, double at) const {
     const auto whole = [this](double v) {
-      return static_cast<std::uint64_t>(static_cast<double>(kZero) + v / unit_ + 0.5);
+      return static_cast<std::uint64_t>(v / unit_ + kZeroAndHalf);  // rounds
     };
     return (whole(line) << 32U) | whole(at);
   }

@@ -118,6 +118,7 @@ std::size_t LightFit::fit(Light& light, double steepest) {
   constexpr double kSettled = 1e-4;  // of the misfit
   constexpr double kMostDamping = 1e4;
   if (count_ == 0) return 0;
+  blunt(light, steepest);
   linearise(light);
   double cost = misfit(), damping = 0.01;
   solve(light);

@@ -44,6 +44,8 @@ constexpr double kPlainPx = 100.0;
 constexpr double kMirroredPx = 1.0;
 // ... where the picture doesn't tell corners better: to so many times their deviation.
 constexpr double kSurelyApart = 8.0;
+// Aligning what the search finds may cost this share of aligning what the corners lead to.
+constexpr double kSearchShare = 0.3;
 // What agrees with the picture by so much less isn't worth aligning.
 constexpr double kHardlyLess = 0.03;
 
@@ -135,11 +137,11 @@ struct Evidence {
               search.mirrored(verdict.first.camera_T_marker, alike_px(*aligned, used)))
         weigh_aligned(verdict, *other);
     if (convinces(verdict.first)) return;
-    aligner.refill();
+    aligner.refill(kSearchShare);
     const Eigen::Isometry3d known = verdict.first.camera_T_marker;
     const double agreement = search.agreement(known);
     for (const RoughPose& rough : search.find(known)) {
-      if (rough.agreement < agreement - kHardlyLess) return;
+      if (rough.agreement < agreement - kHardlyLess || aligner.spent()) return;
       weigh_aligned(verdict, rough);
       if (convinces(verdict.first)) return;
     }
@@ -165,7 +167,7 @@ struct Evidence {
         convinces(verdict.first) ? verdict.first.alignment : std::nullopt;
     Solution found = solution(rough.camera_T_marker, rough.covariance, rival);
     if (!found.alignment) return;
-    if (!found.alignment->plain) found = again(found, rival);
+    if (!found.alignment->plain && !aligner.spent()) found = again(found, rival);
     if (found.alignment->share > kLeastShare) weigh(verdict, found);
   }
 

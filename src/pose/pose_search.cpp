@@ -33,8 +33,8 @@ constexpr double kSamePose = 6.0 * kDegree, kSameFinding = 10.0 * kDegree;
 // Agreement that is worth aligning.
 constexpr double kLeastAgreement = 0.5;
 
-// So many probes are enough for the first look at a tilt.
-constexpr std::size_t kFirstProbes = 160;
+// So many probes are enough for the first look at a tilt, and so many to climb.
+constexpr std::size_t kFirstProbes = 160, kClimbProbes = 250;
 
 /// Columns: uncorrelated steps of one sigma of the corners, tilts at most of half the grid's.
 Matrix6d steps(Matrix6d information) {
@@ -249,7 +249,8 @@ std::vector<PoseSearch::Candidate> PoseSearch::tilts(const Isometry3d& start) co
 /// Steps of the pose, each kept if the picture agrees better.
 void PoseSearch::climb(Candidate& candidate) const {
   constexpr int kRounds = 5;
-  candidate.agreement = agreement(candidate.pose);
+  const std::size_t stride = std::max<std::size_t>(1, probes_.size() / kClimbProbes);
+  candidate.agreement = agreement(candidate.pose, stride);
   double size = 1.0;
   for (int round = 0; round < kRounds; ++round) {
     const auto at = corners(candidate.pose);
@@ -259,13 +260,14 @@ void PoseSearch::climb(Candidate& candidate) const {
     for (Eigen::Index k = 0; k < 6; ++k)
       for (const double sign : {-size, size}) {
         const Isometry3d next = moved_by(candidate.pose, sign * axes.col(k));
-        const double agrees = agreement(next);
+        const double agrees = agreement(next, stride);
         if (agrees <= candidate.agreement) continue;
         candidate = {next, agrees};
         moved = true;
       }
     if (!moved) size *= 0.5;
   }
+  candidate.agreement = agreement(candidate.pose);
 }
 
 /// What the corners leave open; of tilts, what lies between those of the grid.
