@@ -291,6 +291,86 @@ TEST(TouchdownPlanner, AbortsWithoutAForecastOrOffItsWay) {
   }
 }
 
+TEST(TouchdownPlanner, GivesADescentUpThatIsCarriedOffBesideTheTarget) {
+  const TouchdownOptions options = only_roll();
+  const DeckForecast forecast = rolling();
+  for (const double height_m : {0.9, 0.6, 0.3}) {
+    TouchdownPlanner planner(options);
+    const double now_s = fly(planner, 1.0, forecast, 0.0, 30.0, [&](double time_s) {
+      return planner.phase(time_s) == TouchdownPhase::descending &&
+             planner.command(time_s).height_m < height_m;
+    });
+    const HeightCommand flown = planner.command(now_s);
+    const double bearable_m = 0.25 + 0.3 * flown.height_m;
+    planner.watch(now_s, flown.height_m, flown.rate_mps, bearable_m - 1e-6);
+    EXPECT_EQ(planner.phase(now_s), TouchdownPhase::descending) << height_m;
+    planner.watch(now_s, flown.height_m, flown.rate_mps, bearable_m + 1e-6);
+    EXPECT_EQ(planner.phase(now_s), TouchdownPhase::aborting) << height_m;
+    EXPECT_EQ(planner.aborts(), 1) << height_m;
+    // It turns back from where it is, without a jump, and lands later.
+    EXPECT_NEAR(planner.command(now_s).height_m, flown.height_m, 1e-9);
+    EXPECT_NEAR(planner.command(now_s).rate_mps, flown.rate_mps, 1e-9);
+    const double contact_s = fly(planner, 0.0, forecast, now_s, 60.0, kNever);
+    EXPECT_NEAR(std::remainder(contact_s, 4.0), 0.0, 0.2) << height_m;
+    EXPECT_EQ(planner.aborts(), 1) << height_m;
+  }
+}
+
+TEST(TouchdownPlanner, WatchesHeightAndLeavesEverythingElseAlone) {
+  TouchdownPlanner planner(only_roll());
+  const DeckForecast forecast = rolling();
+  planner.update(0.0, 1.0, 0.0, &forecast);
+  ASSERT_NE(planner.phase(0.0), TouchdownPhase::descending);
+  planner.watch(0.0, 1.0, 0.0, 5.0);  // there is time to come back before the descent
+  EXPECT_TRUE(planner.plan());
+  const auto descends = [&](double time_s) {
+    return planner.phase(time_s) == TouchdownPhase::descending;
+  };
+  const double now_s = fly(planner, 1.0, forecast, 0.0, 30.0, descends);
+  const HeightCommand flown = planner.command(now_s);
+  planner.watch(now_s, flown.height_m + 0.39, flown.rate_mps, 0.0);
+  EXPECT_EQ(planner.phase(now_s), TouchdownPhase::descending);
+  planner.watch(now_s, flown.height_m + 0.41, flown.rate_mps, 0.0);
+  EXPECT_EQ(planner.phase(now_s), TouchdownPhase::aborting);
+  EXPECT_NEAR(planner.command(now_s).height_m, flown.height_m + 0.41, 1e-9);
+}
+
+/// However gusts carry the vehicle to and fro, it touches down no farther off than it may be, plus
+/// what it drifts while contact can't be avoided any more.
+TEST(TouchdownPlanner, NeverTouchesDownFarBesideTheTarget) {
+  constexpr double kStep_s = 0.02;
+  const DeckForecast forecast = rolling();
+  std::mt19937_64 random(7);
+  std::uniform_real_distribution<double> share(0.0, 1.0);
+  int contacts = 0, aborts = 0;
+  for (int flight = 0; flight < 20; ++flight) {
+    const double amplitude_m = share(random);
+    const double rate = 0.3 * share(random) / amplitude_m;  // at most 0.3 m/s
+    const double phase = 2.0 * kPi * share(random);
+    const auto beside_m = [&](double time_s) {
+      return std::abs(amplitude_m * std::sin(rate * time_s + phase));
+    };
+    TouchdownPlanner planner(only_roll());
+    HeightCommand flown{1.0, 0.0, 0.0};
+    for (int i = 0; i * kStep_s < 40.0 && flown.height_m > 0.0; ++i) {
+      const double time_s = i * kStep_s;
+      if (i % 50 == 0) planner.update(time_s, flown.height_m, flown.rate_mps, &forecast);
+      planner.watch(time_s, flown.height_m, flown.rate_mps, beside_m(time_s));
+      flown = planner.command(time_s + kStep_s);
+      if (flown.height_m > 0.0) continue;
+      const Profile& profile = planner.plan()->profile;
+      const double committed_s = time_s + kStep_s - profile.committed_s(only_roll().motion);
+      const double height_m = profile.at(time_s - committed_s).height_m;
+      EXPECT_LE(beside_m(time_s), 0.25 + 0.3 * height_m + 0.3 * (committed_s + 2.0 * kStep_s))
+          << flight;
+      ++contacts;
+    }
+    aborts += planner.aborts();
+  }
+  EXPECT_GT(contacts, 5);
+  EXPECT_GT(aborts, 10);
+}
+
 TEST(TouchdownPlanner, LetsACommittedLandingEnd) {
   TouchdownPlanner planner(only_roll());
   const double now_s = fly(planner, 1.0, rolling(), 0.0, 60.0, [&](double time_s) {
@@ -334,13 +414,19 @@ TEST(TouchdownPlanner, RefusesBadInput) {
   refused([](auto& options) { options.abort_probability = 0.99; });
   refused([](auto& options) { options.max_forecast_age_s = 0.0; });
   refused([](auto& options) { options.max_deviation_m = 0.0; });
+  refused([](auto& options) { options.max_beside_m = 0.0; });
+  refused([](auto& options) { options.beside_slope = -0.1; });
   refused([](auto& options) { options.settle_m = -1.0; });
   refused([](auto& options) { options.motion.touch_speed_mps = 0.0; });
   TouchdownPlanner planner;
   EXPECT_THROW(planner.command(0.0), std::invalid_argument);
   EXPECT_THROW(planner.update(0.0, kNaN, 0.0, nullptr), std::invalid_argument);
+  EXPECT_THROW(planner.watch(0.0, 2.0, 0.0, 0.0), std::invalid_argument);
   planner.update(1.0, 2.0, 0.0, nullptr);
   EXPECT_THROW(planner.update(0.0, 2.0, 0.0, nullptr), std::invalid_argument);
+  EXPECT_THROW(planner.watch(0.0, 2.0, 0.0, 0.0), std::invalid_argument);
+  EXPECT_THROW(planner.watch(1.0, 2.0, 0.0, -1.0), std::invalid_argument);
+  EXPECT_THROW(planner.watch(1.0, 2.0, 0.0, kNaN), std::invalid_argument);
 }
 
 // ----------------------------------------------------------------------------------- section 4.6

@@ -115,6 +115,10 @@ struct TouchdownOptions {
   double abort_probability = 0.85;
   double max_forecast_age_s = 1.5;  ///< without a younger forecast a landing is aborted, positive
   double max_deviation_m = 0.4;  ///< nor does it go on farther off the command than this, positive
+  /// Nor farther beside the touchdown point than this, positive, and so much more for each metre of
+  /// height, not negative.
+  double max_beside_m = 0.25;
+  double beside_slope = 0.3;
   double settle_m =
       0.2;  ///< after contact, commands sink on to this far below the deck, not negative
 };
@@ -148,6 +152,11 @@ class TouchdownPlanner {
   /// forecast, and at least every max_forecast_age_s. Times must not run backwards.
   void update(double now_s, double height_m, double rate_mps, const DeckForecast* forecast);
 
+  /// Gives a descent up that has come off its way, in height or beside the touchdown point (level
+  /// distance, not negative). Costs nothing: to be called whenever the vehicle's place is known, in
+  /// between updates, after the first one. Times must not run backwards.
+  void watch(double now_s, double height_m, double rate_mps, double beside_m);
+
   /// What to fly at a time from the last update on.
   HeightCommand command(double time_s) const;
   TouchdownPhase phase(double time_s) const;
@@ -161,6 +170,7 @@ class TouchdownPlanner {
   void review(double now_s, const HeightCommand& from, const DeckForecast& forecast,
               const std::vector<LevelWindow>& windows);
   void hold(double now_s, const HeightCommand& from, bool climbing);
+  bool astray(double now_s, double height_m) const;
 
   TouchdownOptions options_;
   std::optional<TouchdownPlan> plan_;

@@ -556,7 +556,7 @@ class DeckLanding final : public Experiment {
 
   Json settings(Extent extent) const override {
     const Amounts all = amounts(extent);
-    return {{"revision", 3},
+    return {{"revision", 4},
             {"side_m", kSide},
             {"frame_rate", kFrames},
             {"platform_level_rad", kPlatformLevel},

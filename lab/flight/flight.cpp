@@ -37,11 +37,11 @@ double normalised_error(const Sight& sight) {
 // --- Approaches
 // ------------------------------------------------------------------------------------
 
-void LinearApproach::update(double now_s, double height_m, double /*climb_mps*/, bool sees_deck) {
+void LinearApproach::update(double now_s, const Place& place, bool sees_deck) {
   if (descent_ || now_s < start_s_ || !sees_deck) return;
   descent_.emplace();
   descent_->start_s = now_s;
-  descent_->start_height_m = height_m;
+  descent_->start_height_m = place.height_m;
   descent_->speed_mps = speed_mps_;
 }
 
@@ -51,7 +51,7 @@ HeightCommand LinearApproach::command(double now_s) const {
 
 PlatformApproach::PlatformApproach(const PlatformPlan& plan) : plan_(plan), model_(plan.deck) {}
 
-void PlatformApproach::update(double now_s, double height_m, double /*climb_mps*/, bool sees_deck) {
+void PlatformApproach::update(double now_s, const Place& place, bool sees_deck) {
   if (!chosen_) {
     const bool anew = model_.update();
     if (!anew || now_s < plan_.predict_s || model_.phase() != DeckPhase::ready) return;
@@ -62,12 +62,12 @@ void PlatformApproach::update(double now_s, double height_m, double /*climb_mps*
     windows_ =
         level_windows(*forecast_, plan_.level, from_s, from_s + plan_.ahead_s, plan_.windows);
     for (std::size_t i = 2; i < windows_.size() && !chosen_; ++i)
-      if (windows_[i].middle_s() > now_s + height_m / plan_.speed_mps) chosen_ = windows_[i];
+      if (windows_[i].middle_s() > now_s + place.height_m / plan_.speed_mps) chosen_ = windows_[i];
     return;
   }
   if (descent_ || !sees_deck) return;
   const LinearDescent planned =
-      LinearDescent::to_touch_at(chosen_->middle_s(), height_m, plan_.speed_mps);
+      LinearDescent::to_touch_at(chosen_->middle_s(), place.height_m, plan_.speed_mps);
   if (now_s < planned.start_s) return;
   descent_ = planned;
   descent_->start_s = now_s;
@@ -85,13 +85,15 @@ PlannedApproach::PlannedApproach(const TouchdownOptions& landing, const DeckOpti
                                  double give_up_s)
     : planner_(landing), model_(deck), give_up_s_(give_up_s) {}
 
-void PlannedApproach::update(double now_s, double height_m, double climb_mps, bool sees_deck) {
+void PlannedApproach::update(double now_s, const Place& place, bool sees_deck) {
   constexpr double kThink_s = 2.0;  // also without a new forecast
   const bool anew = model_.update();
-  if (!anew && now_s - thought_s_ < kThink_s) return;
+  const bool thinks = anew || now_s - thought_s_ >= kThink_s;
+  if (!thinks && sees_deck) planner_.watch(now_s, place.height_m, place.climb_mps, place.beside_m);
+  if (!thinks) return;
   thought_s_ = now_s;
   const bool trusted = sees_deck && model_.phase() == DeckPhase::ready;
-  planner_.update(now_s, height_m, climb_mps, trusted ? &*model_.forecast() : nullptr);
+  planner_.update(now_s, place.height_m, place.climb_mps, trusted ? &*model_.forecast() : nullptr);
   if (trusted && !kept_ && now_s >= keep_s_) kept_ = model_.forecast();
   const auto& plan = planner_.plan();
   if (plan && (chosen_.empty() || plan->window.begin_s > chosen_.back().end_s))
@@ -192,20 +194,21 @@ FlightLog fly(const FlightSetup& setup, const VisionSetup& vision, const Modelle
     const auto belief = pilot.belief(now_s, reading);
     if (flying) {
       // Until it sees the deck it takes itself to be where it should be.
-      const double height_m = belief ? pilot.height(*belief) : setup.start_height_m;
-      const double climb_mps = belief ? Pilot::climb(*belief) : 0.0;
-      if (belief || now_s > 1.0) approach.update(now_s, height_m, climb_mps, belief.has_value());
+      Place place{setup.start_height_m, 0.0, 0.0};
+      if (belief)
+        place = {pilot.height(*belief), Pilot::climb(*belief), belief->position.head<2>().norm()};
       const bool begun = belief || now_s > 1.0;
+      if (begun) approach.update(now_s, place, belief.has_value());
       const HeightCommand command =
           begun ? approach.command(now_s) : HeightCommand{setup.start_height_m, 0.0, 0.0};
       if (now_s >= next_moment_s - 1e-9) {
         next_moment_s += 0.1;
         const Vector3d away =
             world.state().world_T_body.translation() - world.world_T_deck(now_s).translation();
-        log.moments.push_back({now_s, -away.z() - setup.vehicle.foot_m, belief ? height_m : kFar,
-                               command.height_m, away.head<2>().norm(),
-                               setup.deck.value(kRoll, now_s), setup.deck.value(kPitch, now_s),
-                               layers});
+        log.moments.push_back({now_s, -away.z() - setup.vehicle.foot_m,
+                               belief ? place.height_m : kFar, command.height_m,
+                               away.head<2>().norm(), setup.deck.value(kRoll, now_s),
+                               setup.deck.value(kPitch, now_s), layers});
       }
       if (begun && approach.gave_up(now_s)) {
         log.gave_up = true;

@@ -15,6 +15,13 @@
 
 namespace harco::lab {
 
+/// Where the vehicle's feet are over the touchdown point.
+struct Place {
+  double height_m = 0.0;
+  double climb_mps = 0.0;  ///< the height's rate
+  double beside_m = 0.0;   ///< level distance
+};
+
 /// How a flight comes down: what it makes of the samples of the deck, and which heights it wants.
 class Approach {
  public:
@@ -24,8 +31,8 @@ class Approach {
   Approach& operator=(const Approach&) = delete;
 
   virtual void take(const DeckSample& sample) = 0;
-  /// Thinks; called at every control step, with the height over the deck and its rate as believed.
-  virtual void update(double now_s, double height_m, double climb_mps, bool sees_deck) = 0;
+  /// Thinks; called at every control step, with the vehicle's place as believed.
+  virtual void update(double now_s, const Place& place, bool sees_deck) = 0;
   virtual HeightCommand command(double now_s) const = 0;
   /// What the deck is expected to accelerate upwards, m/s^2.
   virtual double deck_lift_mps2(double /*now_s*/) const { return 0.0; }
@@ -39,7 +46,7 @@ class LinearApproach final : public Approach {
   LinearApproach(double hover_m, double start_s, double speed_mps)
       : hover_m_(hover_m), start_s_(start_s), speed_mps_(speed_mps) {}
   void take(const DeckSample&) override {}
-  void update(double now_s, double height_m, double climb_mps, bool sees_deck) override;
+  void update(double now_s, const Place& place, bool sees_deck) override;
   HeightCommand command(double now_s) const override;
 
  private:
@@ -63,7 +70,7 @@ class PlatformApproach final : public Approach {
  public:
   explicit PlatformApproach(const PlatformPlan& plan);
   void take(const DeckSample& sample) override { model_.add(sample); }
-  void update(double now_s, double height_m, double climb_mps, bool sees_deck) override;
+  void update(double now_s, const Place& place, bool sees_deck) override;
   HeightCommand command(double now_s) const override;
   bool gave_up(double now_s) const override;
 
@@ -88,7 +95,7 @@ class PlannedApproach final : public Approach {
  public:
   PlannedApproach(const TouchdownOptions& landing, const DeckOptions& deck, double give_up_s);
   void take(const DeckSample& sample) override { model_.add(sample); }
-  void update(double now_s, double height_m, double climb_mps, bool sees_deck) override;
+  void update(double now_s, const Place& place, bool sees_deck) override;
   HeightCommand command(double now_s) const override;
   double deck_lift_mps2(double now_s) const override;
   bool gave_up(double now_s) const override;

@@ -35,6 +35,9 @@ TouchdownPlanner::TouchdownPlanner(const TouchdownOptions& options) : options_(o
           "abort_probability must be 0 … min_probability");
   require(positive(options.max_forecast_age_s), "max_forecast_age_s must be positive");
   require(positive(options.max_deviation_m), "max_deviation_m must be positive");
+  require(positive(options.max_beside_m), "max_beside_m must be positive");
+  require(options.beside_slope >= 0.0 && std::isfinite(options.beside_slope),
+          "beside_slope must not be negative");
   require(options.settle_m >= 0.0 && std::isfinite(options.settle_m),
           "settle_m must not be negative");
 }
@@ -114,6 +117,23 @@ void TouchdownPlanner::review(double now_s, const HeightCommand& from, const Dec
   hold(now_s, from, descending);
 }
 
+bool TouchdownPlanner::astray(double now_s, double height_m) const {
+  return std::abs(height_m - command(now_s).height_m) > options_.max_deviation_m;
+}
+
+void TouchdownPlanner::watch(double now_s, double height_m, double rate_mps, double beside_m) {
+  require(std::isfinite(now_s) && std::isfinite(height_m) && std::isfinite(rate_mps),
+          "time, height and rate must be finite");
+  require(beside_m >= 0.0 && std::isfinite(beside_m), "beside_m must be finite, not negative");
+  require(hold_.has_value(), "update must come before watch");
+  require(now_s >= now_s_, "time must not run backwards");
+  now_s_ = now_s;
+  if (phase(now_s) != TouchdownPhase::descending) return;
+  const double bearable_m = options_.max_beside_m + options_.beside_slope * std::max(0.0, height_m);
+  if (astray(now_s, height_m)) return hold(now_s, {height_m, rate_mps, 0.0}, true);
+  if (beside_m > bearable_m) hold(now_s, command(now_s), true);
+}
+
 void TouchdownPlanner::update(double now_s, double height_m, double rate_mps,
                               const DeckForecast* forecast) {
   require(std::isfinite(now_s) && std::isfinite(height_m) && std::isfinite(rate_mps),
@@ -127,11 +147,11 @@ void TouchdownPlanner::update(double now_s, double height_m, double rate_mps,
 
   const bool fresh = forecast != nullptr && forecast->as_of_s <= now_s &&
                      now_s - forecast->as_of_s <= options_.max_forecast_age_s;
-  const bool astray = std::abs(height_m - command(now_s).height_m) > options_.max_deviation_m;
-  if (!astray) from = command(now_s);
-  if (before == TouchdownPhase::descending && (astray || !fresh)) return hold(now_s, from, true);
+  const bool off = astray(now_s, height_m);
+  if (!off) from = command(now_s);
+  if (before == TouchdownPhase::descending && (off || !fresh)) return hold(now_s, from, true);
   if (before == TouchdownPhase::aborting) return;
-  if (astray || (plan_ && !fresh)) hold(now_s, from, false);
+  if (off || (plan_ && !fresh)) hold(now_s, from, false);
   if (!fresh) return;
 
   const std::vector<LevelWindow> windows = level_windows(
