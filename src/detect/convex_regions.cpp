@@ -315,7 +315,7 @@ bool ConvexRegions::may_be_convex(const kernels::RegionStart& start, RegionTop& 
   top.columns = most - least + 1;
   if (std::min(top.rows, top.columns) < limits_.least_extent) return false;
   if (2 * (top.rows + top.columns) < limits_.least_length) return false;
-  return is_sharp(top) && outlines_quad(area, top.rows, top.columns) && is_news(top);
+  return is_sharp(top) && outlines_quad(area, top) && is_news(top);
 }
 
 /// Whether beside some part of the region's sides there is the third grey that made a lower level
@@ -333,8 +333,9 @@ bool ConvexRegions::is_news(const RegionTop& top) const {
 /// Whether a region is about the quadrilateral between the two points of its outline that are
 /// farthest from one another and those farthest from the line between them, on both sides: by area,
 /// and by how far the outline strays from the sides.
-bool ConvexRegions::outlines_quad(std::int64_t area, int rows, int columns) const {
+bool ConvexRegions::outlines_quad(std::int64_t area, const RegionTop& top) const {
   if (static_cast<double>(area) < limits_.least_area) return false;
+  const int rows = top.rows;
   // Corners of pixels, x from the image's border and y from the region's top.
   const auto for_each_corner = [&](auto&& visit) {
     for (int y = 0; y < rows; ++y) {
@@ -379,11 +380,12 @@ bool ConvexRegions::outlines_quad(std::int64_t area, int rows, int columns) cons
     }
   });
   const std::int64_t quad = right - left;  // twice its area
-  const std::int64_t length = 2 * (rows + columns);
+  const std::int64_t length = 2 * (rows + top.columns);
   // Half a pixel along the way is what noise takes; blur rounds corners.
   const std::int64_t surplus = 2 * area - quad;
   if (surplus < -quad / 6 - length || surplus > quad / 8 + length / 2) return false;
-  return keeps_to({a, d, c, b}, rows);
+  const std::array<Corner, 4> corners{a, d, c, b};
+  return keeps_to(corners, rows) && is_filled_along(corners, top);
 }
 
 /// Whether the outline keeps to the sides of a quadrilateral, whose corners go around clockwise as
@@ -423,6 +425,36 @@ bool ConvexRegions::keeps_to(const std::array<Corner, 4>& corners, int rows) con
     most = std::max(most, std::max(left, right));
   }
   return least >= -1.0F && most <= 1.0F;
+}
+
+/// Whether the region lies just inside the sides of a quadrilateral as above: bays from below or
+/// above don't show at the ends of rows. Only of small ones: there are few others, and their sides
+/// may be bent.
+bool ConvexRegions::is_filled_along(const std::array<Corner, 4>& corners,
+                                    const RegionTop& top) const {
+  constexpr int kSmall = 64;       // pixels
+  constexpr float kInside = 0.8F;  // pixels; the border of the smallest marker is hardly thicker
+  constexpr int kPlaces = 7;       // a side
+  constexpr int kMostMissed = 5;   // of all
+  if (std::max(top.rows, top.columns) >= kSmall) return true;
+  int missed = 0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Corner& from = corners[i];
+    const Corner& to = corners[(i + 1) % 4];
+    const auto along_x = static_cast<float>(to.x - from.x);
+    const auto along_y = static_cast<float>(to.y - from.y);
+    const float inwards =
+        kInside / std::max(std::sqrt(along_x * along_x + along_y * along_y), 1.0F);
+    const float x = static_cast<float>(from.x) - inwards * along_y;
+    const float y = static_cast<float>(from.y + top.y) + inwards * along_x;
+    for (int place = 1; place <= kPlaces; ++place) {
+      const float share = static_cast<float>(place) / (kPlaces + 1);
+      const int column = static_cast<int>(x + share * along_x);
+      const int row = static_cast<int>(y + share * along_y);
+      missed += map_->dark(column, row) != dark_ ? 1 : 0;
+    }
+  }
+  return missed <= kMostMissed;
 }
 
 }  // namespace harco::detect

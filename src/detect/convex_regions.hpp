@@ -64,8 +64,9 @@ class ConvexRegions {
   bool find_survivors();
   template <bool kDark>
   bool may_be_convex(const kernels::RegionStart& start, RegionTop& top);
-  bool outlines_quad(std::int64_t area, int rows, int columns) const;
+  bool outlines_quad(std::int64_t area, const RegionTop& top) const;
   bool keeps_to(const std::array<Corner, 4>& corners, int rows) const;
+  bool is_filled_along(const std::array<Corner, 4>& corners, const RegionTop& top) const;
 
   const Threshold* threshold_ = nullptr;
   const DarkMap* map_ = nullptr;
