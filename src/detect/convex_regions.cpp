@@ -433,9 +433,9 @@ bool ConvexRegions::keeps_to(const std::array<Corner, 4>& corners, int rows) con
 bool ConvexRegions::is_filled_along(const std::array<Corner, 4>& corners,
                                     const RegionTop& top) const {
   constexpr int kSmall = 64;       // pixels
-  constexpr float kInside = 0.8F;  // pixels; the border of the smallest marker is hardly thicker
+  constexpr float kInside = 0.7F;  // pixels; the border of the smallest marker is hardly thicker
   constexpr int kPlaces = 7;       // a side
-  constexpr int kMostMissed = 5;   // of all
+  constexpr int kMostMissed = 6;   // of all
   if (std::max(top.rows, top.columns) >= kSmall) return true;
   int missed = 0;
   for (std::size_t i = 0; i < 4; ++i) {

@@ -20,7 +20,7 @@ std::vector<SideQuad> CoveredSquares::find(const Pyramid& image, double least_si
                                            Workers& workers, DetectionTrace* trace) {
   if (image.levels() < 2) return {};
   const auto in_whole = [](const Point& point) { return Pyramid::in_whole(point, 1); };
-  threshold_.measure(image.level(1), workers);
+  threshold_.measure(image.level(1), Threshold::kAll, workers);
   segments_.clear();
   follower_.start(threshold_, Threshold::kMiddleLevel, kLeastOutline);
   while (const Contour* contour = follower_.next()) {

@@ -212,9 +212,15 @@ struct Detector::Impl {
   std::vector<detect::Recovery> recoveries;  // of each of those who work
 };
 
+/// Of the smallest marker of some books, its ring included; 0 without any. They are in the order of
+/// their cells.
+int cells_across(const std::vector<Codebook>& books) {
+  return books.empty() ? 0 : books.front().cells() + 2;
+}
+
 void Detector::Impl::find_shapes(const ImageView& image, DetectionTrace* trace) {
-  shapes.find(image, {options.min_side_px, !child_books.empty(), !parent_books.empty()}, workers,
-              trace);
+  shapes.find(image, {options.min_side_px, cells_across(parent_books), cells_across(child_books)},
+              workers, trace);
   statistics.noise = shapes.threshold().noise();
   statistics.quads = shapes.count();
   statistics.budget_reached = shapes.shapes().size() < shapes.count();

@@ -23,8 +23,10 @@ struct Shape {
 
 struct ShapeLimits {
   double min_side = 10.0;  ///< pixels
-  bool holes = true;       ///< look for bright ones
-  bool islands = true;     ///< look for dark ones
+  /// Cells across the smallest dark and the smallest bright one looked for: what has no pixel for
+  /// each of them can't be read, however steep. 0 if there are none.
+  int island_cells = 5;
+  int hole_cells = 5;
 };
 
 class ShapeFinder {
@@ -37,7 +39,7 @@ class ShapeFinder {
   /// Of the last picture. At most 300 and one for each 1000 pixels, the largest ones.
   const std::vector<Shape>& shapes() const { return index_.shapes(); }
   std::size_t count() const { return count_; }  ///< before that limit
-  const Threshold& threshold() const { return threshold_; }
+  const Threshold& threshold() const { return whole_; }
 
  private:
   /// The shapes found so far, by where their centres lie.
@@ -72,10 +74,14 @@ class ShapeFinder {
     std::vector<Shape> shapes;
     std::vector<std::vector<Point>> contours;  // for a trace
   };
+  const Threshold& threshold_of(std::size_t pass) const;
+  void measure(const ImageView& image, const ShapeLimits& limits, Workers& workers);
   void divide(const ShapeLimits& limits, Workers& workers);
   void look_through(Part& part, Scratch& scratch, double min_side, bool tracing) const;
 
-  Threshold threshold_;
+  Threshold whole_;
+  Image half_picture_;  // each pixel the mean of four
+  Threshold half_;
   std::array<ConvexRegions, Threshold::kLevels.size()> passes_;
   std::vector<Scratch> scratch_;
   std::vector<Part> parts_;

@@ -23,10 +23,10 @@ int contrast_above_noise(double noise) {
 
 void Threshold::measure(const ImageView& image) {
   Workers alone;
-  measure(image, alone);
+  measure(image, kAll, alone);
 }
 
-void Threshold::measure(const ImageView& image, Workers& workers) {
+void Threshold::measure(const ImageView& image, const Wanted& wanted, Workers& workers) {
   image_ = image;
   columns_ = (image.width() + kTile - 1) / kTile;
   bands_ = (image.height() + kTile - 1) / kTile;
@@ -39,7 +39,8 @@ void Threshold::measure(const ImageView& image, Workers& workers) {
   }
   near_low_.resize(columns * static_cast<std::size_t>(bands_));
   near_high_.resize(near_low_.size());
-  for (DarkMap& map : maps_) map.resize(image.width(), image.height());
+  for (std::size_t level = 0; level < kLevels.size(); ++level)
+    if (wanted[level]) maps_[level].resize(image.width(), image.height());
 
   measure_noise(scratch_[0]);
   min_contrast_ = contrast_above_noise(noise_);
@@ -55,7 +56,7 @@ void Threshold::measure(const ImageView& image, Workers& workers) {
     measure_band(first, scratch);
     for (int band = first; band < end; ++band) {
       measure_band(band + 1, scratch);
-      find_dark(band, scratch);
+      find_dark(band, wanted, scratch);
     }
   });
 }
@@ -93,7 +94,7 @@ void Threshold::measure_band(int band, Scratch& scratch) const {
                          scratch.high[at].data() + 1);
 }
 
-void Threshold::find_dark(int band, Scratch& scratch) {
+void Threshold::find_dark(int band, const Wanted& wanted, Scratch& scratch) {
   kernels::TileBands bands{};
   for (int i = 0; i < 3; ++i) {
     // The bands beyond the image are its outermost ones.
@@ -106,6 +107,7 @@ void Threshold::find_dark(int band, Scratch& scratch) {
   std::uint8_t* high = near_high_.data() + first;
   kernels::tile_extremes_nearby(bands, columns_, low, high);
   for (std::size_t level = 0; level < kLevels.size(); ++level) {
+    if (!wanted[level]) continue;
     kernels::tile_thresholds(low, high, columns_, kLevels[level].sixteenths, least_contrast(level),
                              scratch.thresholds.data());
     const int end = std::min((band + 1) * kTile, image_.height());

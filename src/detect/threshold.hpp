@@ -72,11 +72,14 @@ class Threshold {
   static constexpr std::size_t kLineLevel = 1;
   static constexpr std::size_t kLowLevel = 2;
   static constexpr int kScale = 16;
+  /// Which levels are asked for; maps of the others hold anything.
+  using Wanted = std::array<bool, kLevels.size()>;
+  static constexpr Wanted kAll{true, true, true};
 
   /// Reads the image, whose pixels have to stay where they are for as long as distances are asked
   /// for.
-  void measure(const ImageView& image, Workers& workers);
-  void measure(const ImageView& image);  ///< alone
+  void measure(const ImageView& image, const Wanted& wanted, Workers& workers);
+  void measure(const ImageView& image);  ///< at all levels, alone
 
   /// Standard deviation of the noise in grey levels, from the ranges of the evenest quarter of
   /// tiles.
@@ -125,7 +128,7 @@ class Threshold {
   };
   void measure_noise(Scratch& scratch);
   void measure_band(int band, Scratch& scratch) const;
-  void find_dark(int band, Scratch& scratch);
+  void find_dark(int band, const Wanted& wanted, Scratch& scratch);
 
   ImageView image_;
   int columns_ = 0, bands_ = 0;
