@@ -11,6 +11,7 @@
 #include <Eigen/LU>
 
 #include "detect/sample.hpp"
+#include "detect/square_homography.hpp"
 
 namespace harco::detect {
 namespace {
@@ -137,6 +138,45 @@ std::size_t upright_cell(int row, int column, int turns, int m) {
 }
 
 }  // namespace
+
+bool has_bright_cells(const ImageView& image, const Quad& corners, int n) {
+  constexpr int kLeastShare = 15;  // per cent of what paper is brighter than the ring
+  const int m = n + 2;
+  Eigen::Matrix3d image_H_cells = square_homography(corners);
+  image_H_cells.leftCols<2>() /= m;
+  const auto grey_at = [&](double x, double y) -> int {
+    const Eigen::Vector3d h = image_H_cells * Eigen::Vector3d(x, y, 1.0);
+    const int column = static_cast<int>(std::lround(h.x() / h.z()));
+    const int row = static_cast<int>(std::lround(h.y() / h.z()));
+    return image(std::clamp(column, 0, image.width() - 1), std::clamp(row, 0, image.height() - 1));
+  };
+  std::array<int, 4 * (Code::kMaxCells + 2)> ring{};
+  std::array<int, 4 * (Code::kMaxCells + 2)> paper{};
+  std::size_t count = 0;
+  for (int i = 0; i < m; ++i) {
+    const double along = i + 0.5;
+    for (const double side : {0.0, 1.0}) {
+      const double inside = 0.5 + side * (m - 1.0);
+      const double outside = -0.5 + side * (m + 1.0);
+      ring[count] = grey_at(along, inside);
+      paper[count++] = grey_at(along, outside);
+      ring[count] = grey_at(inside, along);
+      paper[count++] = grey_at(outside, along);
+    }
+  }
+  const auto middle = [count](auto& greys) {
+    const auto half = greys.begin() + static_cast<std::ptrdiff_t>(count / 2);
+    std::nth_element(greys.begin(), half, greys.begin() + static_cast<std::ptrdiff_t>(count));
+    return *half;
+  };
+  const int black = middle(ring);
+  const int white = middle(paper);
+  int brightest = 0;
+  for (int row = 1; row <= n; ++row)
+    for (int column = 1; column <= n; ++column)
+      brightest = std::max(brightest, grey_at(column + 0.5, row + 0.5));
+  return 100 * (brightest - black) >= kLeastShare * (white - black);
+}
 
 std::optional<CellGrid> read_cells(const ImageView& image, const Lens& lens,
                                    const Eigen::Matrix3d& image_H_cells, int n, double cell_px,

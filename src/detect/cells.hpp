@@ -11,6 +11,7 @@
 #include <Eigen/Core>
 
 #include "detect/lens.hpp"
+#include "detect/quad.hpp"
 #include "harco/code.hpp"
 #include "harco/image.hpp"
 
@@ -32,6 +33,11 @@ struct CellGrid {
   std::size_t count() const { return static_cast<std::size_t>((cells + 2) * (cells + 2)); }
   std::array<double, kMost> room;
 };
+
+/// A glance at a dark quad of the image, right to about a pixel, before anything is fitted: whether
+/// the middle of any of its n x n inner cells stands out from the ring as paper would, be it in
+/// shade.
+bool has_bright_cells(const ImageView& image, const Quad& corners, int n);
 
 /// Reads the cells of a parent (black ring, white paper around it) or a child (white ring).
 /// `image_H_cells` maps cell coordinates, (0, 0) … (n+2, n+2), to ideal pixels; `cell_px` is the

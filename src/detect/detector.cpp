@@ -400,6 +400,11 @@ void Detector::Impl::examine(const ImageView& image, const Shape& shape, std::si
   }
   if (whole)
     for (const Codebook& book : shape.hole ? child_books : parent_books) {
+      if (!shape.hole && !detect::has_bright_cells(image, shape.corners, book.cells())) {
+        candidate.rejection = Rejection::code;
+        note(candidate, "no cell stands out from the ring");
+        continue;
+      }
       const auto fitted =
           detect::fit_edges(image, lens, ideal, side_profile(shape.hole, book.cells()));
       if (!fitted) {
