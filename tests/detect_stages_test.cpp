@@ -17,6 +17,7 @@
 #include "detect/edges.hpp"
 #include "detect/quad.hpp"
 #include "detect/sample.hpp"
+#include "detect/shapes.hpp"
 #include "detect/square_homography.hpp"
 #include "detect/threshold.hpp"
 #include "harco/geometry.hpp"
@@ -226,6 +227,75 @@ TEST(ConvexRegions, AtTheLowLevelAreThoseBesideAThirdGrey) {
   fill(image, 20, 20, 40, 40, 10);
   EXPECT_EQ(regions_of(image, true, Threshold::kMiddleLevel).size(), 1U);
   EXPECT_TRUE(regions_of(image, true, Threshold::kLowLevel).empty());
+}
+
+TEST(ConvexRegions, HaveNoBaysAlongTheirSides) {
+  // Row by row the ends of both are the same.
+  Image image(80, 40, 200);
+  fill(image, 10, 10, 26, 26, 0);
+  fill(image, 50, 10, 66, 26, 0);
+  EXPECT_EQ(regions_of(image, true).size(), 2U);
+  fill(image, 52, 13, 64, 26, 200);
+  const std::vector<RegionTop> tops = regions_of(image, true);
+  ASSERT_EQ(tops.size(), 1U);
+  EXPECT_EQ(tops[0].x, 10);
+}
+
+TEST(Shapes, InTheShadeLieWhereTheyAreInTheImage) {
+  // Sizes that are odd, and a square that no pixel of half the size ends with.
+  Image image(121, 95, 240);
+  fill(image, 26, 25, 81, 76, 90);
+  fill(image, 31, 30, 76, 71, 10);
+  Workers alone;
+  ShapeFinder finder;
+  finder.find(image.view(), {10.0, 6, 0}, alone);
+  const Quad truth{{{30.5, 29.5}, {75.5, 29.5}, {75.5, 70.5}, {30.5, 70.5}}};
+  int found = 0;
+  for (const Shape& shape : finder.shapes()) {
+    if (mean_side(shape.corners) > 48.0) continue;  // the shade
+    ++found;
+    for (const Point& corner : truth) {
+      double nearest = 1e9;
+      for (const Point& other : shape.corners) nearest = std::min(nearest, (other - corner).norm());
+      // The threshold lies close to the shade's white: a pixel of half the size.
+      EXPECT_LT(nearest, 2.0 * std::sqrt(2.0));
+    }
+  }
+  EXPECT_EQ(found, 1);
+}
+
+TEST(Shapes, HaveAPixelForEachCell) {
+  // 30 x 7 pixels: enough for the five cells of one marker, not for the eight of another.
+  Image image(80, 60, 220);
+  fill(image, 20, 20, 50, 27, 10);
+  Workers alone;
+  ShapeFinder finder;
+  finder.find(image.view(), {10.0, 5, 0}, alone);
+  EXPECT_EQ(finder.shapes().size(), 1U);
+  finder.find(image.view(), {10.0, 8, 0}, alone);
+  EXPECT_TRUE(finder.shapes().empty());
+  finder.find(image.view(), {10.0, 0, 5}, alone);
+  EXPECT_TRUE(finder.shapes().empty());
+}
+
+TEST(Cells, StandOutFromTheRingOrNot) {
+  constexpr int kCells = 4;
+  constexpr int kPx = 5;
+  Image image(60, 60, 200);
+  fill(image, 10, 10, 10 + 6 * kPx, 10 + 6 * kPx, 20);
+  const double last = 10 + 6 * kPx - 0.5;
+  const Quad square{{{9.5, 9.5}, {last, 9.5}, {last, last}, {9.5, last}}};
+  EXPECT_FALSE(has_bright_cells(image.view(), square, kCells));
+  // One cell, of paper in deep shade: 20 + 0.15 * 180 = 47 is just enough.
+  const int left = 10 + 3 * kPx;
+  fill(image, left, left, left + kPx, left + kPx, 46);
+  EXPECT_FALSE(has_bright_cells(image.view(), square, kCells));
+  fill(image, left, left, left + kPx, left + kPx, 47);
+  EXPECT_TRUE(has_bright_cells(image.view(), square, kCells));
+  // Cells of the ring don't count.
+  fill(image, left, left, left + kPx, left + kPx, 20);
+  fill(image, 10, 10, 10 + kPx, 10 + kPx, 200);
+  EXPECT_FALSE(has_bright_cells(image.view(), square, kCells));
 }
 
 TEST(Contours, FollowADarkSquareAtHalfPixels) {

@@ -435,9 +435,10 @@ bool ConvexRegions::is_filled_along(const std::array<Corner, 4>& corners,
   constexpr int kSmall = 64;       // pixels
   constexpr float kInside = 0.7F;  // pixels; the border of the smallest marker is hardly thicker
   constexpr int kPlaces = 7;       // a side
-  constexpr int kMostMissed = 6;   // of all
+  constexpr int kMostMissed = 6;   // of all, and no more than
+  constexpr int kMostOfASide = 3;  // of them on one side
   if (std::max(top.rows, top.columns) >= kSmall) return true;
-  int missed = 0;
+  int all_missed = 0;
   for (std::size_t i = 0; i < 4; ++i) {
     const Corner& from = corners[i];
     const Corner& to = corners[(i + 1) % 4];
@@ -447,14 +448,17 @@ bool ConvexRegions::is_filled_along(const std::array<Corner, 4>& corners,
         kInside / std::max(std::sqrt(along_x * along_x + along_y * along_y), 1.0F);
     const float x = static_cast<float>(from.x) - inwards * along_y;
     const float y = static_cast<float>(from.y + top.y) + inwards * along_x;
+    int missed = 0;
     for (int place = 1; place <= kPlaces; ++place) {
       const float share = static_cast<float>(place) / (kPlaces + 1);
       const int column = static_cast<int>(x + share * along_x);
       const int row = static_cast<int>(y + share * along_y);
       missed += map_->dark(column, row) != dark_ ? 1 : 0;
     }
+    if (missed > kMostOfASide) return false;
+    all_missed += missed;
   }
-  return missed <= kMostMissed;
+  return all_missed <= kMostMissed;
 }
 
 }  // namespace harco::detect

@@ -17,7 +17,7 @@ namespace harco::detect {
 
 /// A quadrilateral; seen at several thresholds it counts once.
 struct Shape {
-  Quad corners;  ///< right to about a pixel
+  Quad corners;  ///< right to about a pixel, two if found at half size
   bool hole;     ///< bright inside dark; otherwise dark inside bright
 };
 
