@@ -139,7 +139,8 @@ void ShapeFinder::measure(const ImageView& image, const ShapeLimits& limits, Wor
       kernels::halve_rows(image.row(2 * y), image.row(2 * y + 1), width, half_picture_.row(y));
   });
   const bool empty = half_picture_.pixels.empty();
-  half_.measure(empty ? ImageView() : half_picture_.view(), {true, false, true}, workers);
+  half_.measure_half(whole_, empty ? ImageView() : half_picture_.view(), {true, false, true},
+                     workers);
 }
 
 /// Into passes, and those into rows, from the bottom upwards.
