@@ -36,42 +36,122 @@ using Eigen::Vector2d;
 
 constexpr double kDegree = std::numbers::pi / 180.0;
 
-/// One point a pixel from a to b, without b.
-void walk(const Point& a, const Point& b, std::vector<Point>& points) {
-  const int steps = static_cast<int>((b - a).norm());
-  for (int i = 0; i < steps; ++i) points.push_back(a + (b - a) * i / steps);
+/// A dark half plane, blurred by pixels only: dark on the right-hand side of the way from `at` on
+/// in direction `way`.
+Image half_plane(int width, int height, const Point& at, const Point& way, double dark,
+                 double bright) {
+  constexpr int kFine = 8;
+  Image image(width, height);
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x) {
+      int inside = 0;
+      for (int j = 0; j < kFine; ++j)
+        for (int i = 0; i < kFine; ++i) {
+          const Point point(x + (i + 0.5) / kFine - 0.5, y + (j + 0.5) / kFine - 0.5);
+          inside += way.x() * (point.y() - at.y()) - way.y() * (point.x() - at.x()) > 0.0;
+        }
+      const double share = static_cast<double>(inside) / (kFine * kFine);
+      image.row(y)[x] = static_cast<std::uint8_t>(std::lround(bright + share * (dark - bright)));
+    }
+  return image;
 }
 
-TEST(Segments, AreTheStraightPartsOfAnOutline) {
-  detect::Contour contour;
-  walk({10, 10}, {50, 10}, contour.points);
-  walk({50, 10}, {50, 40}, contour.points);
-  // Back along an arc.
-  for (int i = 0; i < 60; ++i) {
-    const double angle = std::numbers::pi * i / 60.0;
-    contour.points.emplace_back(30 + 20 * std::cos(angle), 40 + 20 * std::sin(angle));
-  }
-  walk({10, 40}, {10, 10}, contour.points);
-  std::vector<Segment> segments;
-  detect::append_segments(contour, 20.0, segments);
-  ASSERT_EQ(segments.size(), 3U);
-  const auto along = [&](const Vector2d& way) {
-    return std::count_if(segments.begin(), segments.end(), [&](const Segment& segment) {
-      return segment.direction().dot(way) > 0.999;
-    });
+void cover_with(Image& image, int left, int top, int right, int bottom, std::uint8_t grey) {
+  for (int y = top; y < bottom; ++y) std::fill(image.row(y) + left, image.row(y) + right, grey);
+}
+
+double beside(const Segment& segment, const Point& at, const Point& way) {
+  const auto off = [&](const Point& point) {
+    const Point d = point - at;
+    return std::abs(way.x() * d.y() - way.y() * d.x());
   };
-  EXPECT_EQ(along({1, 0}), 1);
-  EXPECT_EQ(along({0, 1}), 1);
-  EXPECT_EQ(along({0, -1}), 1);
+  return std::max(off(segment.a), off(segment.b));
 }
 
-TEST(Segments, NeedDarkOnTheirRight) {
-  Image image(40, 40, 200);
-  for (int y = 20; y < 40; ++y)
-    for (int x = 0; x < 40; ++x) image.row(y)[x] = 50;
-  EXPECT_TRUE(detect::parts_dark_from_bright(image.view(), {{5, 19.5}, {30, 19.5}}, 100.0));
-  EXPECT_FALSE(detect::parts_dark_from_bright(image.view(), {{30, 19.5}, {5, 19.5}}, 100.0));
-  EXPECT_FALSE(detect::parts_dark_from_bright(image.view(), {{5, 10}, {30, 10}}, 20.0));
+TEST(Segments, LieOnTheEdgeWhateverItsDirection) {
+  detect::Workers alone;
+  detect::SegmentFinder finder;
+  const Point middle(40.3, 39.6);
+  for (int k = 0; k < 24; ++k) {
+    const double angle = (15.0 * k + 2.0) * kDegree;
+    const Point way(std::cos(angle), std::sin(angle));
+    const Image image = half_plane(80, 80, middle, way, 40, 190);
+    const auto& segments = finder.find(image.view(), 6.0, 20, alone);
+    ASSERT_EQ(segments.size(), 1U) << k;
+    const Segment& segment = segments.front();
+    EXPECT_GT(segment.length(), 70.0) << k;
+    EXPECT_GT(segment.direction().dot(way), 0.9999) << k;  // the dark lies on its right
+    EXPECT_LT(beside(segment, middle, way), 0.1) << k;
+    EXPECT_NEAR(segment.dark, 40.0, 1.0);
+    EXPECT_NEAR(segment.bright, 190.0, 1.0);
+  }
+}
+
+TEST(Segments, EndWhereSomethingCoversTheEdge) {
+  detect::Workers alone;
+  detect::SegmentFinder finder;
+  const Point way = Point(0.2, 1.0).normalized();
+  Image image = half_plane(80, 80, {40, 40}, way, 40, 190);
+  cover_with(image, 0, 30, 80, 50, 120);
+  std::vector<Segment> parts;
+  for (const Segment& segment : finder.find(image.view(), 6.0, 20, alone))
+    if (segment.direction().dot(way) > 0.999) parts.push_back(segment);
+  ASSERT_EQ(parts.size(), 2U);
+  EXPECT_NEAR(parts[0].b.y(), 28.5, 1.5);
+  EXPECT_NEAR(parts[1].a.y(), 51.5, 2.0);
+  for (const Segment& part : parts) EXPECT_LT(beside(part, {40, 40}, way), 0.15);
+  // Shorter ones don't count.
+  EXPECT_TRUE(finder.find(image.view(), 85.0, 20, alone).empty());
+}
+
+TEST(Segments, NeedContrastEvennessAndStraightness) {
+  detect::Workers alone;
+  detect::SegmentFinder finder;
+  const Image faint = half_plane(60, 60, {30, 30}, {0, 1}, 100, 118);
+  EXPECT_TRUE(finder.find(faint.view(), 6.0, 20, alone).empty());
+  EXPECT_EQ(finder.find(faint.view(), 6.0, 15, alone).size(), 1U);
+  Image thin = half_plane(60, 60, {30, 30}, {0, 1}, 40, 190);
+  cover_with(thin, 28, 0, 29, 60, 190);  // of the dark, one column is left
+  for (const Segment& segment : finder.find(thin.view(), 6.0, 20, alone))
+    EXPECT_GT(std::abs(segment.a.x() - 29.5), 1.0);
+  // The outline of a disc has no straight part.
+  Image disc(60, 60, 190);
+  for (int y = 0; y < 60; ++y)
+    for (int x = 0; x < 60; ++x)
+      if (std::hypot(x - 30.0, y - 30.0) < 12.0) disc.row(y)[x] = 40;
+  for (const Segment& segment : finder.find(disc.view(), 6.0, 20, alone))
+    EXPECT_LT(segment.length(), 12.0);
+}
+
+TEST(Segments, AreTheSameWithAnyNumberOfThreads) {
+  std::mt19937 random(5);
+  Image image(203, 117, 128);
+  for (int k = 0; k < 120; ++k) {
+    const int x = static_cast<int>(random() % 180U);
+    const int y = static_cast<int>(random() % 100U);
+    const int width = static_cast<int>(4U + random() % 19U);
+    const int height = static_cast<int>(4U + random() % 13U);
+    cover_with(image, x, y, x + width, y + height, static_cast<std::uint8_t>(random() % 256U));
+  }
+  detect::Workers alone;
+  detect::Workers three(3);
+  detect::SegmentFinder first;
+  detect::SegmentFinder second;
+  const auto& a = first.find(image.view(), 6.0, 20, alone);
+  const auto& b = second.find(image.view(), 6.0, 20, three);
+  ASSERT_GT(a.size(), 20U);
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a[i].a, b[i].a);
+    EXPECT_EQ(a[i].b, b[i].b);
+  }
+}
+
+TEST(Segments, SmallImagesHaveNone) {
+  detect::Workers alone;
+  detect::SegmentFinder finder;
+  for (const int size : {1, 2, 5, 6, 7, 9})
+    EXPECT_TRUE(finder.find(Image(size, size, 9).view(), 6.0, 20, alone).empty()) << size;
 }
 
 /// Parts of the four sides of a quad, clockwise.
@@ -80,7 +160,7 @@ std::vector<Segment> parts(const detect::Quad& quad, const std::vector<std::arra
   for (const auto& [side, from, to] : of) {
     const auto i = static_cast<std::size_t>(side);
     const Point way = quad[(i + 1) % 4] - quad[i];
-    segments.push_back({quad[i] + from * way, quad[i] + to * way});
+    segments.push_back({quad[i] + from * way, quad[i] + to * way, 30.0, 200.0});
   }
   return segments;
 }
@@ -103,6 +183,33 @@ TEST(SideQuads, PartsOfFourSidesMakeASquare) {
   ASSERT_FALSE(quads.empty());
   EXPECT_LT(worst_corner(quads.front().corners, quad), 1e-6);
   EXPECT_NEAR(quads.front().seen, 0.33, 0.02);
+}
+
+TEST(SideQuads, SidesOfOneSquareAreInOneLight) {
+  const detect::Quad quad{{{100, 100}, {300, 120}, {280, 310}, {90, 290}}};
+  auto seen = parts(quad, {{0, 0.1, 0.5}, {1, 0.2, 0.5}, {2, 0.5, 0.9}, {3, 0.3, 0.6}});
+  EXPECT_FALSE(detect::side_quads(seen, 40.0, 10, std::nullopt).empty());
+  seen[2].dark = 110.0;
+  EXPECT_TRUE(detect::side_quads(seen, 40.0, 10, std::nullopt).empty());
+}
+
+// As along the squares of a chessboard.
+TEST(SideQuads, TheDarkLiesInsideAllAlong) {
+  const detect::Quad quad{{{100, 100}, {300, 120}, {280, 310}, {90, 290}}};
+  auto seen =
+      parts(quad, {{0, 0.1, 0.3}, {0, 0.5, 0.7}, {1, 0.2, 0.5}, {2, 0.5, 0.9}, {3, 0.3, 0.6}});
+  EXPECT_FALSE(detect::side_quads(seen, 40.0, 10, std::nullopt).empty());
+  const Point way = quad[1] - quad[0];
+  seen.push_back({quad[0] + 0.5 * way, quad[0] + 0.3 * way, 30.0, 200.0});
+  EXPECT_TRUE(detect::side_quads(seen, 40.0, 10, std::nullopt).empty());
+}
+
+TEST(SideQuads, AreToldOnce) {
+  const detect::Quad quad{{{100, 100}, {300, 120}, {280, 310}, {90, 290}}};
+  auto seen = parts(quad, {{0, 0.1, 0.5}, {1, 0.2, 0.5}, {2, 0.5, 0.9}, {3, 0.3, 0.6}});
+  // Two edges three pixels apart make two lines, and squares that are nearly one.
+  seen.push_back({seen[0].a + Point(0, 3), seen[0].b + Point(0, 3), 30.0, 200.0});
+  EXPECT_EQ(detect::side_quads(seen, 40.0, 10, std::nullopt).size(), 1U);
 }
 
 TEST(SideQuads, TheCameraCompletesASquareOfThreeSides) {

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
 
+#include "detect/kernels/clean_steps.hpp"
 #include "detect/kernels/dark_bits.hpp"
 #include "detect/kernels/halve.hpp"
 #include "detect/kernels/region_walk.hpp"
@@ -199,6 +200,52 @@ TEST(Kernels, DarkBitsAreTheSameOnEveryTarget) {
       dark_bits_scalar(pixels.data(), thresholds.data(), width, by_hand.data());
       ASSERT_EQ(bits, by_hand) << width;
     }
+  });
+}
+
+TEST(Kernels, CleanStepsKnownByHand) {
+  // One row a place; the step lies between the third and the fourth sample. In turn: a clean one
+  // up, one down, too little contrast, uneven before, uneven behind, the middle passed too late and
+  // too early, as uneven as may be, hardly more.
+  const std::vector<std::array<std::uint8_t, 6>> places{
+      {10, 10, 20, 90, 90, 90}, {90, 90, 80, 10, 10, 10},   {50, 50, 50, 69, 69, 69},
+      {30, 10, 20, 90, 90, 90}, {10, 10, 20, 90, 90, 120},  {10, 10, 20, 30, 90, 90},
+      {10, 10, 70, 90, 90, 90}, {10, 30, 30, 99, 110, 110}, {10, 31, 31, 99, 110, 110}};
+  std::array<std::vector<std::uint8_t>, 6> columns;
+  SixSamples samples{};
+  for (std::size_t k = 0; k < 6; ++k) {
+    for (const auto& place : places) columns[k].push_back(place[k]);
+    samples[k] = columns[k].data();
+  }
+  std::vector<std::uint8_t> bits(2, 0xFF);
+  clean_steps(samples, 9, 20, bits.data());
+  EXPECT_EQ(bits, (std::vector<std::uint8_t>{0b10000011, 0}));
+}
+
+TEST(Kernels, CleanStepsAreTheSameOnEveryTarget) {
+  on_every_target([] {
+    int set = 0;
+    for (int count = 1; count <= 300; ++count) {
+      // Of two levels, so that there are steps.
+      std::array<std::vector<std::uint8_t>, 6> columns;
+      SixSamples samples{};
+      for (std::size_t k = 0; k < 6; ++k) {
+        columns[k] = random_bytes(static_cast<std::size_t>(count),
+                                  static_cast<std::uint32_t>(count) + 1000U * std::uint32_t(k));
+        for (std::uint8_t& value : columns[k])
+          value = static_cast<std::uint8_t>((value & 0x80U ? 150U : 50U) + (value & 0x1FU));
+        samples[k] = columns[k].data();
+      }
+      std::vector<std::uint8_t> bits(static_cast<std::size_t>(count + 7) / 8);
+      std::vector<std::uint8_t> by_hand(bits.size());
+      for (const int contrast : {1, 80, 255}) {
+        clean_steps(samples, count, contrast, bits.data());
+        clean_steps_scalar(samples, count, contrast, by_hand.data());
+        ASSERT_EQ(bits, by_hand) << count;
+        set += static_cast<int>(std::count_if(bits.begin(), bits.end(), [](int b) { return b; }));
+      }
+    }
+    EXPECT_GT(set, 100);
   });
 }
 

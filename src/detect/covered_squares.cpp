@@ -1,39 +1,33 @@
 #include "detect/covered_squares.hpp"
 
-#include <algorithm>
-
 namespace harco::detect {
 namespace {
 
-// The shortest straight part of an outline that tells something, in pixels of the half picture.
+// The shortest straight edge that tells something, in pixels of the half picture.
 constexpr double kLeastSegment = 6.0;
-// The shortest outline: of what is left of a ring's side between two things that cover it.
-constexpr std::size_t kLeastOutline = 24;
 // How many squares are tried in a frame.
-constexpr std::size_t kMostSquares = 20;
+constexpr std::size_t kMostSquares = 12;
 
 }  // namespace
 
-std::vector<SideQuad> CoveredSquares::find(const Pyramid& image, double least_side_px,
-                                           double contrast,
+std::vector<SideQuad> CoveredSquares::find(const Pyramid& image, const Lens& lens,
+                                           double least_side_px, int least_contrast,
                                            const std::optional<Eigen::Matrix3d>& calibration,
                                            Workers& workers, DetectionTrace* trace) {
   if (image.levels() < 2) return {};
-  const auto in_whole = [](const Point& point) { return Pyramid::in_whole(point, 1); };
-  threshold_.measure(image.level(1), Threshold::kAll, workers);
   segments_.clear();
-  follower_.start(threshold_, Threshold::kMiddleLevel, kLeastOutline);
-  while (const Contour* contour = follower_.next()) {
-    if (trace) {
-      trace->contours.push_back(contour->points);
-      for (Point& point : trace->contours.back()) point = in_whole(point);
-    }
-    append_segments(*contour, kLeastSegment, segments_);
+  for (const Segment& seen : finder_.find(image.level(1), kLeastSegment, least_contrast, workers)) {
+    Segment segment = seen;
+    segment.a = Pyramid::in_whole(seen.a, 1);
+    segment.b = Pyramid::in_whole(seen.b, 1);
+    if (trace) trace->contours.push_back({segment.a, segment.b});
+    const auto a = lens.to_ideal(segment.a);
+    const auto b = lens.to_ideal(segment.b);
+    if (!a || !b) continue;
+    segment.a = *a;
+    segment.b = *b;
+    segments_.push_back(segment);
   }
-  for (Segment& segment : segments_) segment = {in_whole(segment.a), in_whole(segment.b)};
-  std::erase_if(segments_, [&](const Segment& segment) {
-    return !parts_dark_from_bright(image.level(0), segment, contrast);
-  });
   return side_quads(segments_, least_side_px, kMostSquares, calibration);
 }
 

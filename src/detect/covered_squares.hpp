@@ -7,11 +7,10 @@
 
 #include <Eigen/Core>
 
-#include "detect/contours.hpp"
+#include "detect/lens.hpp"
 #include "detect/pyramid.hpp"
 #include "detect/segments.hpp"
 #include "detect/side_quads.hpp"
-#include "detect/threshold.hpp"
 #include "detect/workers.hpp"
 #include "harco/detect.hpp"
 
@@ -22,14 +21,13 @@ namespace harco::detect {
 class CoveredSquares {
  public:
   /// The most promising ones, in pixels of the ideal camera. With a calibration, three sides do.
-  /// `contrast` (grey levels) has to lie between both sides of what is taken for an edge.
-  std::vector<SideQuad> find(const Pyramid& image, double least_side_px, double contrast,
-                             const std::optional<Eigen::Matrix3d>& calibration, Workers& workers,
-                             DetectionTrace* trace = nullptr);
+  /// `least_contrast` (grey levels) has to lie between both sides of what is taken for an edge.
+  std::vector<SideQuad> find(const Pyramid& image, const Lens& lens, double least_side_px,
+                             int least_contrast, const std::optional<Eigen::Matrix3d>& calibration,
+                             Workers& workers, DetectionTrace* trace = nullptr);
 
  private:
-  Threshold threshold_;
-  BorderFollower follower_;
+  SegmentFinder finder_;
   std::vector<Segment> segments_;
 };
 

@@ -521,9 +521,9 @@ void Detector::Impl::recover(const ImageView& image, DetectionTrace* trace) {
     calibration->topRightCorner<2, 1>() -= origin;
   }
   const double least_side = std::max(kLeastCoveredSide, options.min_side_px);
-  const double contrast = detect::contrast_above_noise(statistics.noise);
+  const int contrast = detect::contrast_above_noise(statistics.noise);
   for (const detect::SideQuad& quad :
-       covered.find(pyramid, least_side, contrast, calibration, workers, trace))
+       covered.find(pyramid, lens, least_side, contrast, calibration, workers, trace))
     quads.push_back(quad.corners);
   std::erase_if(quads, [&](const Quad& quad) { return detect::mean_side(quad) < least_side; });
 

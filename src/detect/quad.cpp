@@ -153,20 +153,22 @@ bool contains(const Quad& quad, const Point& point) {
   return true;
 }
 
+bool nearly_same(const Quad& a, const Quad& b, double share) {
+  const double most = share * mean_side(a);
+  for (std::size_t first = 0; first < 4; ++first) {
+    bool same = true;
+    for (std::size_t i = 0; i < 4 && same; ++i)
+      same = (a[i] - b[(first + i) % 4]).squaredNorm() < most * most;
+    if (same) return true;
+  }
+  return false;
+}
+
 std::vector<Quad> different(const std::vector<Quad>& quads, double share) {
   std::vector<Quad> kept;
-  const auto near = [&](const Quad& a, const Quad& b) {
-    const double most = share * mean_side(a);
-    for (std::size_t first = 0; first < 4; ++first) {
-      bool same = true;
-      for (std::size_t i = 0; i < 4 && same; ++i)
-        same = (a[i] - b[(first + i) % 4]).squaredNorm() < most * most;
-      if (same) return true;
-    }
-    return false;
-  };
   for (const Quad& quad : quads)
-    if (std::none_of(kept.begin(), kept.end(), [&](const Quad& one) { return near(one, quad); }))
+    if (std::none_of(kept.begin(), kept.end(),
+                     [&](const Quad& one) { return nearly_same(one, quad, share); }))
       kept.push_back(quad);
   return kept;
 }

@@ -19,8 +19,11 @@ Point centre(const Quad& quad);
 bool convex(const Quad& quad);
 bool contains(const Quad& quad, const Point& point);
 
-/// The quads without those that are nearly an earlier one: no corner farther from one of its own,
-/// in order but from wherever it begins, than `share` of the side.
+/// Whether no corner of `b` lies farther from one of `a`, in order but from wherever it begins,
+/// than `share` of the side of `a`.
+bool nearly_same(const Quad& a, const Quad& b, double share);
+
+/// The quads without those that are nearly the same as an earlier one.
 std::vector<Quad> different(const std::vector<Quad>& quads, double share);
 
 /// Where the line through a, b meets the one through c, d; empty if they are parallel.

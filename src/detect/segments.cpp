@@ -1,132 +1,222 @@
 #include "detect/segments.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
-#include <utility>
 
-#include "detect/sample.hpp"
+#include "detect/kernels/clean_steps.hpp"
 
 namespace harco::detect {
 namespace {
 
-// No point of a straight stretch lies farther from its chord than this, in pixels, and than this
-// share of its length more: noise ruffles it, a lens bends it.
-constexpr double kRuffle = 0.7;
-constexpr double kBend = 0.008;
-// Points at both ends that the rounding of a corner may have moved.
-constexpr std::size_t kTrim = 2;
-// Root mean square distance from the fitted line, pixels.
-constexpr double kStraight = 0.3;
+// Pixels from one scan line to the next.
+constexpr int kApart = 2;
+// A step belongs to an edge if it lies within this of where the edge goes on, in pixels, and if its
+// levels differ by no more than this share of the contrast.
+constexpr float kBeside = 0.5F;
+constexpr double kLevelShare = 0.3;
+// Steeper ones are found the other way; somewhat more is allowed for what noise does.
+constexpr float kSteepest = 1.25F;
+// Scan lines that an edge crosses, and the share of those between its ends.
+constexpr int kLeastSteps = 3;
+constexpr double kLeastShare = 0.7;
+// Root mean square distance from the fitted line, pixels, and share of the length more: a lens
+// bends it.
+constexpr double kStraight = 0.25;
+constexpr double kBend = 0.0025;
 
-double cross(const Point& u, const Point& v) { return u.x() * v.y() - u.y() * v.x(); }
-
-class Splitter {
- public:
-  Splitter(const Contour& contour, double least_px, std::vector<Segment>& segments)
-      : points_(contour.points), least_px_(least_px), segments_(segments) {}
-
-  /// Ramer's split of the stretch between two points of the contour, in order.
-  void split(std::size_t from, std::size_t to) {
-    const double chord_px = (at(to) - at(from)).norm();
-    // Too few points can't make a segment, however straight.
-    if (static_cast<double>(to - from) + 1.0 < least_px_) return;
-    const auto [farthest, away_px] = farthest_from_chord(from, to, chord_px);
-    if (away_px <= kRuffle + kBend * chord_px) {
-      keep(from, to);
-      return;
-    }
-    split(from, farthest);
-    split(farthest, to);
-  }
-
- private:
-  /// The outline is closed: one past its last point is its first one.
-  const Point& at(std::size_t i) const { return i < points_.size() ? points_[i] : points_[0]; }
-
-  /// The point between two others that is farthest from the line through them, or from both if they
-  /// are one, and how far.
-  std::pair<std::size_t, double> farthest_from_chord(std::size_t from, std::size_t to,
-                                                     double chord_px) const {
-    const Point& start = at(from);
-    const Point chord = at(to) - start;
-    const bool one = chord_px <= 1e-6;
-    double worst = 0.0;
-    std::size_t farthest = from;
-    for (std::size_t i = from + 1; i < to; ++i) {
-      const Point offset = points_[i] - start;
-      const double away = one ? offset.norm() : std::abs(cross(chord, offset));
-      if (away > worst) {
-        worst = away;
-        farthest = i;
-      }
-    }
-    return {farthest, one ? worst : worst / chord_px};
-  }
-
-  void keep(std::size_t from, std::size_t to) {
-    from += kTrim;
-    if (to < from + kTrim + 3) return;
-    to -= kTrim;
-    Point mean = Point::Zero();
-    const auto count = static_cast<double>(to - from + 1);
-    for (std::size_t i = from; i <= to; ++i) mean += at(i);
-    mean /= count;
-    double xx = 0.0;
-    double xy = 0.0;
-    double yy = 0.0;
-    for (std::size_t i = from; i <= to; ++i) {
-      const Point d = at(i) - mean;
-      xx += d.x() * d.x();
-      xy += d.x() * d.y();
-      yy += d.y() * d.y();
-    }
-    const double across = std::max(0.0, 0.5 * (xx + yy - std::hypot(xx - yy, 2.0 * xy)));
-    if (std::sqrt(across / count) > kStraight + 0.3 * kBend * count) return;
-    const double angle = 0.5 * std::atan2(2.0 * xy, xx - yy);
-    Point way(std::cos(angle), std::sin(angle));
-    if (way.dot(at(to) - at(from)) < 0.0) way = -way;
-    const Segment segment{mean + way.dot(at(from) - mean) * way,
-                          mean + way.dot(at(to) - mean) * way};
-    if (segment.length() >= least_px_) segments_.push_back(segment);
-  }
-
-  const std::vector<Point>& points_;
-  double least_px_;
-  std::vector<Segment>& segments_;
-};
+// Samples before and behind the pixel that a step follows.
+constexpr int kBefore = 2;
+constexpr int kBehind = 3;
 
 }  // namespace
 
-void append_segments(const Contour& contour, double least_px, std::vector<Segment>& segments) {
-  const std::vector<Point>& points = contour.points;
-  if (static_cast<double>(points.size()) < 2.0 * least_px) return;
-  // A closed outline has no ends; two points far apart serve.
-  std::size_t far = 0;
-  double farthest = 0.0;
-  for (std::size_t i = 1; i < points.size(); ++i) {
-    const double away = (points[i] - points[0]).squaredNorm();
-    if (away <= farthest) continue;
-    farthest = away;
-    far = i;
-  }
-  Splitter splitter(contour, least_px, segments);
-  splitter.split(0, far);
-  splitter.split(far, points.size());
+double SegmentFinder::Chain::slope() const {
+  return (count * sum_st - sum_s * sum_t) / (count * sum_ss - sum_s * sum_s);
 }
 
-bool parts_dark_from_bright(const ImageView& image, const Segment& segment, double contrast) {
-  constexpr double kBeside = 1.5;  // pixels
-  constexpr int kPlaces = 5;
-  const Point way = segment.direction();
-  const Point to_dark = kBeside * Point(-way.y(), way.x());
-  int parted = 0;
-  for (int i = 0; i < kPlaces; ++i) {
-    const Point at = segment.a + (i + 0.5) / kPlaces * (segment.b - segment.a);
-    const auto dark = sample(image, at.x() + to_dark.x(), at.y() + to_dark.y());
-    const auto bright = sample(image, at.x() - to_dark.x(), at.y() - to_dark.y());
-    parted += dark && bright && *bright - *dark >= contrast;
+double SegmentFinder::Chain::place_at(int s) const {
+  return static_cast<double>(first.t) + sum_t / count + slope() * (s - first.s - sum_s / count);
+}
+
+void SegmentFinder::Chain::add(const Step& step) {
+  if (count == 0) first = step;
+  last = step;
+  ++count;
+  const double s = step.s - first.s;
+  const double t = static_cast<double>(step.t) - static_cast<double>(first.t);
+  sum_s += s;
+  sum_t += t;
+  sum_ss += s * s;
+  sum_st += s * t;
+  sum_tt += t * t;
+  sum_before += step.twice_before;
+  sum_behind += step.twice_behind;
+}
+
+void SegmentFinder::Scan::start(int places) {
+  // One more on either side.
+  latest.assign(static_cast<std::size_t>(places + 2), {});
+  chains.clear();
+}
+
+/// How far a step lies beside where the edge of an earlier one goes on.
+float SegmentFinder::Scan::beside(const Step& before, const Step& step) const {
+  constexpr int kEnough = 4;  // steps, for their places to tell more than their gradients
+  const Chain* chain = before.chain < 0 ? nullptr : &chains[static_cast<std::size_t>(before.chain)];
+  const float place =
+      chain && chain->count >= kEnough
+          ? static_cast<float>(chain->place_at(step.s))
+          : before.t + 0.5F * (before.slope + step.slope) * static_cast<float>(step.s - before.s);
+  return std::abs(place - step.t);
+}
+
+/// Adds the step to the edge that it continues, if there is one.
+void SegmentFinder::Scan::link(Step& step) {
+  const auto most = static_cast<float>(latest.size() - 3);
+  const int slack = static_cast<int>(kLevelShare * std::abs(step.twice_behind - step.twice_before));
+  Step* before = nullptr;
+  float nearest = kBeside;
+  // On the scan line before, or on the one before that.
+  for (int back = kApart; back <= 2 * kApart && !before; back += kApart) {
+    const int s = step.s - back;
+    const float place = std::clamp(step.t - step.slope * static_cast<float>(back), 0.0F, most);
+    Step* const around = &latest[static_cast<std::size_t>(place)];
+    for (Step* other = around; other < around + 3; ++other) {
+      if (other->s != s || std::abs(other->twice_before - step.twice_before) > slack ||
+          std::abs(other->twice_behind - step.twice_behind) > slack)
+        continue;
+      const float away = beside(*other, step);
+      if (away >= nearest) continue;
+      nearest = away;
+      before = other;
+    }
   }
-  return 2 * parted > kPlaces;
+  if (before) {
+    if (before->chain < 0) {
+      before->chain = static_cast<int>(chains.size());
+      chains.emplace_back().add(*before);
+    }
+    step.chain = before->chain;
+    chains[static_cast<std::size_t>(step.chain)].add(step);
+  }
+  latest[static_cast<std::size_t>(std::clamp(step.t, 0.0F, most)) + 1] = step;
+}
+
+/// Measures the step behind pixel (x, y) and links it.
+void SegmentFinder::Scan::read(const ImageView& image, bool rows, int x, int y) {
+  const std::ptrdiff_t along = rows ? 1 : image.stride();
+  const std::ptrdiff_t across = rows ? image.stride() : 1;
+  const std::uint8_t* const pixel = image.row(y) + x;
+  const auto grey = [&](int k) { return int{pixel[k * along]}; };
+  const int before = grey(-2) + grey(-1);
+  const int behind = grey(2) + grey(3);
+  const float share = 1.0F / static_cast<float>(behind - before);
+  // An ideal step turns by twice the slope from the line before to the line behind.
+  int turned = 0;
+  for (int k = -kBefore; k <= kBehind; ++k)
+    turned += pixel[k * along - across] - pixel[k * along + across];
+  Step step;
+  step.slope = share * static_cast<float>(turned);
+  if (std::abs(step.slope) > kSteepest) return;
+  // So many of the four pixels in the middle are like those before.
+  const int sum = grey(-1) + grey(0) + grey(1) + grey(2);
+  const float like_before = share * static_cast<float>(2 * (2 * behind - sum));
+  step.t = static_cast<float>(rows ? x : y) - 1.5F + like_before;
+  step.s = rows ? y : x;
+  step.twice_before = static_cast<std::int16_t>(before);
+  step.twice_behind = static_cast<std::int16_t>(behind);
+  link(step);
+}
+
+void SegmentFinder::scan_rows(const ImageView& image, int least_contrast, Scan& scan) {
+  const int count = image.width() - kBefore - kBehind;
+  scan.start(image.width());
+  scan.bits.assign(static_cast<std::size_t>((count + 63) / 64), 0);
+  for (int y = kApart; y < image.height() - 1; y += kApart) {
+    kernels::SixSamples samples{};
+    for (std::size_t k = 0; k < samples.size(); ++k) samples[k] = image.row(y) + k;
+    kernels::clean_steps(samples, count, least_contrast,
+                         reinterpret_cast<std::uint8_t*>(scan.bits.data()));
+    for (std::size_t word = 0; word < scan.bits.size(); ++word)
+      for (std::uint64_t left = scan.bits[word]; left != 0; left &= left - 1)
+        scan.read(image, true, static_cast<int>(64 * word) + std::countr_zero(left) + kBefore, y);
+  }
+}
+
+void SegmentFinder::scan_columns(const ImageView& image, int least_contrast, Scan& scan) {
+  constexpr std::uint64_t kEvery = 0x5555555555555555U;
+  static_assert(kApart == 2);
+  const int count = image.width();
+  scan.start(image.height());
+  scan.bits.assign(static_cast<std::size_t>((count + 63) / 64), 0);
+  scan.steps.clear();
+  scan.ends.assign(static_cast<std::size_t>(count / kApart + 2), 0);
+  for (int y = kBefore; y < image.height() - kBehind; ++y) {
+    kernels::SixSamples samples{};
+    for (std::size_t k = 0; k < samples.size(); ++k)
+      samples[k] = image.row(y + static_cast<int>(k) - kBefore);
+    kernels::clean_steps(samples, count, least_contrast,
+                         reinterpret_cast<std::uint8_t*>(scan.bits.data()));
+    for (std::size_t word = 0; word < scan.bits.size(); ++word)
+      for (std::uint64_t left = scan.bits[word] & kEvery; left != 0; left &= left - 1) {
+        const int x = static_cast<int>(64 * word) + std::countr_zero(left);
+        if (x == 0 || x == image.width() - 1) continue;
+        scan.steps.push_back({x, y});
+        ++scan.ends[static_cast<std::size_t>(x / kApart + 1)];
+      }
+  }
+  // Column by column, downwards in each.
+  for (std::size_t i = 1; i < scan.ends.size(); ++i) scan.ends[i] += scan.ends[i - 1];
+  scan.by_line.resize(scan.steps.size());
+  for (const auto& place : scan.steps)
+    scan.by_line[scan.ends[static_cast<std::size_t>(place[0] / kApart)]++] = place;
+  for (const auto& [x, y] : scan.by_line) scan.read(image, false, x, y);
+}
+
+void SegmentFinder::keep(const Scan& scan, bool rows, double least_px) {
+  for (const Chain& chain : scan.chains) {
+    const int span = chain.last.s - chain.first.s;
+    const int lines = span / kApart + 1;
+    if (chain.count < kLeastSteps || chain.count < kLeastShare * lines) continue;
+    const double slope = chain.slope();
+    // Each way finds its own.
+    if (rows ? std::abs(slope) > 1.0 : std::abs(slope) >= 1.0) continue;
+    const double stretch = std::hypot(1.0, slope);
+    // On average, the ends lie half a scan line beyond.
+    const double length = (span + kApart) * stretch;
+    if (length < least_px) continue;
+    const double n = chain.count;
+    const double spread = chain.sum_tt - chain.sum_t * chain.sum_t / n -
+                          slope * (chain.sum_st - chain.sum_s * chain.sum_t / n);
+    const double off = std::sqrt(std::max(0.0, spread) / n) / stretch;
+    if (off > kStraight + kBend * length) continue;
+    const auto at = [&](int s) {
+      const double t = chain.place_at(s);
+      return rows ? Point(t, s) : Point(s, t);
+    };
+    const double before = 0.5 * chain.sum_before / n;
+    const double behind = 0.5 * chain.sum_behind / n;
+    Segment segment{at(chain.first.s), at(chain.last.s), std::min(before, behind),
+                    std::max(before, behind)};
+    if (rows != (before < behind)) std::swap(segment.a, segment.b);
+    segments_.push_back(segment);
+  }
+}
+
+const std::vector<Segment>& SegmentFinder::find(const ImageView& image, double least_px,
+                                                int least_contrast, Workers& workers) {
+  segments_.clear();
+  if (std::min(image.width(), image.height()) <= kBefore + kBehind) return segments_;
+  workers.share(scans_.size(), [&](std::size_t way, std::size_t) {
+    if (way == 0)
+      scan_rows(image, least_contrast, scans_[way]);
+    else
+      scan_columns(image, least_contrast, scans_[way]);
+  });
+  keep(scans_[0], true, least_px);
+  keep(scans_[1], false, least_px);
+  return segments_;
 }
 
 }  // namespace harco::detect

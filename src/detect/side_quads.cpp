@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
-#include <numbers>
 #include <utility>
 
 #include <Eigen/Geometry>
@@ -13,61 +13,98 @@ namespace harco::detect {
 namespace {
 
 // Lines that take part; the search for quads grows with their fourth power at worst.
+constexpr std::size_t kMostSegments = 400;
 constexpr std::size_t kMostLines = 72;
 // Segments are parts of one line if their directions differ by less than this (radians) and their
 // ends lie no farther from it than this (pixels, and share of the distance).
 constexpr double kSameDirection = 0.12;
 constexpr double kSameLine = 1.0;
 constexpr double kSameLineShare = 0.015;
-// Angle between neighbouring sides, radians.
-constexpr double kLeastTurn = 0.35, kMostTurn = std::numbers::pi - 0.35;
+// Squares whose corners lie no farther apart than this share of their side are one.
+constexpr double kSameSquare = 0.02;
+// Levels of one square's sides may differ by this share of the contrast.
+constexpr double kSameLevel = 0.35;
+// Sine of the least angle between neighbouring sides, 20 degrees.
+constexpr double kLeastSine = 0.342;
 // A segment may reach so far beyond a corner, pixels.
 constexpr double kOver = 3.0;
 // Of the outline, at least this share must be seen, and of each side this.
-constexpr double kLeastSeen = 0.14, kLeastSideSeen = 0.04;
+constexpr double kLeastSeen = 0.18, kLeastSideSeen = 0.04;
+// Of what is seen of a side, so much may be seen with the dark outside.
+constexpr double kMostOpposed = 0.1;
 
 double cross(const Point& u, const Point& v) { return u.x() * v.y() - u.y() * v.x(); }
+
+/// Whether two edges may lie between the same black and the same white.
+template <typename A, typename B>
+bool same_light(const A& a, const B& b) {
+  const double slack = kSameLevel * std::min(a.bright - a.dark, b.bright - b.dark);
+  return std::abs(a.dark - b.dark) < slack && std::abs(a.bright - b.bright) < slack;
+}
+
+/// How much of some pieces lies between two places.
+double within(const std::vector<std::pair<double, double>>& pieces, double from, double to) {
+  double sum = 0.0;
+  for (const auto& [a, b] : pieces) sum += std::max(0.0, std::min(b, to) - std::max(a, from));
+  return sum;
+}
 
 /// Segments along one straight line, the dark on its right.
 struct Line {
   Point point;
   Point direction;
-  std::vector<std::pair<double, double>> pieces;  ///< from, to: distances from `point`
-  double length = 0.0;                            ///< of all pieces
+  double dark = 0.0, bright = 0.0;                 ///< mean levels
+  std::vector<std::pair<double, double>> pieces;   ///< from, to: distances from `point`
+  std::vector<std::pair<double, double>> opposed;  ///< likewise, the dark on the left
+  double length = 0.0;                             ///< of all pieces
 
   double first() const { return pieces.front().first; }
   double last() const { return pieces.back().second; }
-  double seen_between(double from, double to) const {
-    double sum = 0.0;
-    for (const auto& [a, b] : pieces) sum += std::max(0.0, std::min(b, to) - std::max(a, from));
-    return sum;
-  }
+  double seen_between(double from, double to) const { return within(pieces, from, to); }
+  double opposed_between(double from, double to) const { return within(opposed, from, to); }
   /// Whether most of it lies before `at`, and after it.
   bool ends_by(double at) const { return seen_between(first(), at + kOver) > 0.7 * length; }
   bool begins_at(double at) const { return seen_between(at - kOver, last()) > 0.7 * length; }
 };
 
-bool joins(const Line& line, const Segment& segment) {
-  const Point way = segment.direction();
-  if (line.direction.dot(way) < 0.0 || std::abs(cross(line.direction, way)) > kSameDirection)
-    return false;
-  const double reach = std::min(std::abs(line.direction.dot(segment.a - line.point)),
-                                std::abs(line.direction.dot(segment.b - line.point)));
+/// A segment with what is asked of it often.
+struct Part {
+  Segment segment;
+  Point direction;
+  double length = 0.0;
+  double dark = 0.0, bright = 0.0;
+  bool taken = false;
+};
+
+/// Whether a segment lies along a line, whichever way.
+bool along(const Line& line, const Part& part) {
+  if (std::abs(cross(line.direction, part.direction)) > kSameDirection) return false;
+  const double reach = std::min(std::abs(line.direction.dot(part.segment.a - line.point)),
+                                std::abs(line.direction.dot(part.segment.b - line.point)));
   const double limit = kSameLine + kSameLineShare * reach;
-  return std::abs(cross(line.direction, segment.a - line.point)) < limit &&
-         std::abs(cross(line.direction, segment.b - line.point)) < limit;
+  return std::abs(cross(line.direction, part.segment.a - line.point)) < limit &&
+         std::abs(cross(line.direction, part.segment.b - line.point)) < limit;
+}
+
+bool joins(const Line& line, const Part& part) {
+  return line.direction.dot(part.direction) > 0.0 && same_light(line, part) && along(line, part);
+}
+
+/// With the dark on the other side: as on a chessboard, and never on what covers a side.
+bool opposes(const Line& line, const Part& part) {
+  return line.direction.dot(part.direction) < 0.0 && along(line, part);
 }
 
 /// Total least squares through the ends of all pieces, each end weighing as much as its piece.
 class LineFit {
  public:
-  void add(const Segment& segment) {
-    const double w = segment.length();
-    for (const Point& p : {segment.a, segment.b}) {
-      weight_ += w;
-      sum_ += w * p;
-      squares_ += w * p * p.transpose();
+  void add(const Part& part) {
+    for (const Point& p : {part.segment.a, part.segment.b}) {
+      weight_ += part.length;
+      sum_ += part.length * p;
+      squares_ += part.length * p * p.transpose();
     }
+    levels_ += part.length * Point(part.dark, part.bright);
   }
   void solve(Line& line) const {
     const Point mean = sum_ / weight_;
@@ -77,47 +114,69 @@ class LineFit {
     if (way.dot(line.direction) < 0.0) way = -way;
     line.point = mean;
     line.direction = way;
+    line.length = 0.5 * weight_;
+    line.dark = levels_.x() / line.length;
+    line.bright = levels_.y() / line.length;
   }
 
  private:
   double weight_ = 0.0;
   Point sum_ = Point::Zero();
+  Point levels_ = Point::Zero();
   Eigen::Matrix2d squares_ = Eigen::Matrix2d::Zero();
 };
 
+/// The longest segments, the longest one first.
+std::vector<Part> longest(const std::vector<Segment>& segments) {
+  std::vector<std::pair<double, std::size_t>> by_length;
+  by_length.reserve(segments.size());
+  for (std::size_t i = 0; i < segments.size(); ++i)
+    by_length.emplace_back(-(segments[i].b - segments[i].a).squaredNorm(), i);
+  const std::size_t count = std::min(by_length.size(), kMostSegments);
+  std::partial_sort(by_length.begin(), by_length.begin() + static_cast<std::ptrdiff_t>(count),
+                    by_length.end());
+  std::vector<Part> parts;
+  parts.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const Segment& segment = segments[by_length[i].second];
+    parts.push_back({segment, segment.direction(), segment.length(), segment.dark, segment.bright});
+  }
+  return parts;
+}
+
 /// Longest first, every segment in one line.
-std::vector<Line> merge(std::vector<Segment>& segments) {
-  std::stable_sort(segments.begin(), segments.end(),
-                   [](const Segment& a, const Segment& b) { return a.length() > b.length(); });
-  constexpr std::size_t kMostSegments = 400;
-  if (segments.size() > kMostSegments) segments.resize(kMostSegments);
-  std::vector<bool> taken(segments.size(), false);
+std::vector<Line> merge(std::vector<Part> parts) {
   std::vector<Line> lines;
-  for (std::size_t seed = 0; seed < segments.size(); ++seed) {
-    if (taken[seed]) continue;
+  for (std::size_t seed = 0; seed < parts.size(); ++seed) {
+    if (parts[seed].taken) continue;
     Line line;
-    line.point = 0.5 * (segments[seed].a + segments[seed].b);
-    line.direction = segments[seed].direction();
+    line.point = 0.5 * (parts[seed].segment.a + parts[seed].segment.b);
+    line.direction = parts[seed].direction;
+    line.dark = parts[seed].dark;
+    line.bright = parts[seed].bright;
     LineFit fit;
-    std::vector<std::size_t> members;
-    for (std::size_t i = seed; i < segments.size(); ++i)
-      if (!taken[i] && joins(line, segments[i])) {
-        taken[i] = true;
-        members.push_back(i);
-        fit.add(segments[i]);
+    std::vector<const Segment*> members;
+    for (std::size_t i = seed; i < parts.size(); ++i)
+      if (!parts[i].taken && joins(line, parts[i])) {
+        parts[i].taken = true;
+        members.push_back(&parts[i].segment);
+        fit.add(parts[i]);
         fit.solve(line);
       }
-    for (const std::size_t i : members) {
-      line.pieces.emplace_back(line.direction.dot(segments[i].a - line.point),
-                               line.direction.dot(segments[i].b - line.point));
-      line.length += segments[i].length();
-    }
+    for (const Segment* member : members)
+      line.pieces.emplace_back(line.direction.dot(member->a - line.point),
+                               line.direction.dot(member->b - line.point));
     std::sort(line.pieces.begin(), line.pieces.end());
     lines.push_back(std::move(line));
   }
   std::stable_sort(lines.begin(), lines.end(),
                    [](const Line& a, const Line& b) { return a.length > b.length; });
   if (lines.size() > kMostLines) lines.resize(kMostLines);
+  for (Line& line : lines)
+    for (const Part& part : parts)
+      if (opposes(line, part))
+        line.opposed.emplace_back(line.direction.dot(part.segment.b - line.point),
+                                  line.direction.dot(part.segment.a - line.point));
   return lines;
 }
 
@@ -134,8 +193,7 @@ std::vector<std::vector<Turn>> right_turns(const std::vector<Line>& lines) {
     for (std::size_t b = 0; b < lines.size(); ++b) {
       if (a == b) continue;
       const double sine = cross(lines[a].direction, lines[b].direction);
-      const double angle = std::atan2(sine, lines[a].direction.dot(lines[b].direction));
-      if (angle < kLeastTurn || angle > kMostTurn) continue;
+      if (sine < kLeastSine || !same_light(lines[a], lines[b])) continue;
       Turn turn;
       turn.to = static_cast<std::uint8_t>(b);
       turn.on_from = cross(lines[b].point - lines[a].point, lines[b].direction) / sine;
@@ -172,9 +230,10 @@ class Search {
   }
 
  private:
-  /// Length of a side that is seen, zero if too little of it is.
+  /// Length of a side that is seen, zero if too little of it is, or too much with the dark outside.
   double seen(std::size_t line, double from, double to) const {
     const double sum = lines_[line].seen_between(from, to);
+    if (lines_[line].opposed_between(from, to) > kMostOpposed * sum) return 0.0;
     return sum < kLeastSideSeen * (to - from) ? 0.0 : sum;
   }
 
@@ -246,16 +305,24 @@ class Search {
 
 }  // namespace
 
-std::vector<SideQuad> side_quads(std::vector<Segment> segments, double least_side_px,
+std::vector<SideQuad> side_quads(const std::vector<Segment>& segments, double least_side_px,
                                  std::size_t most,
                                  const std::optional<Eigen::Matrix3d>& calibration) {
-  std::vector<SideQuad> quads = Search(merge(segments), least_side_px, calibration).quads();
+  std::vector<SideQuad> quads =
+      Search(merge(longest(segments)), least_side_px, calibration).quads();
   // The longest outline that is seen speaks for itself: inner squares are shorter.
   const auto promise = [](const SideQuad& quad) { return quad.seen * mean_side(quad.corners); };
   std::stable_sort(quads.begin(), quads.end(),
                    [&](const SideQuad& x, const SideQuad& y) { return promise(x) > promise(y); });
-  if (quads.size() > most) quads.resize(most);
-  return quads;
+  std::vector<SideQuad> best;
+  for (const SideQuad& quad : quads) {
+    if (best.size() == most) break;
+    const bool known = std::any_of(best.begin(), best.end(), [&](const SideQuad& other) {
+      return nearly_same(other.corners, quad.corners, kSameSquare);
+    });
+    if (!known) best.push_back(quad);
+  }
+  return best;
 }
 
 }  // namespace harco::detect
