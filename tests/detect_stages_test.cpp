@@ -98,30 +98,6 @@ TEST(Threshold, MapsAgreeWithDistances) {
   }
 }
 
-TEST(Threshold, OfHalfTheSizeKnowsTheSameNeighbourhood) {
-  std::mt19937 random(4);
-  Workers alone;
-  for (const auto& [width, height] : {std::pair{2, 2}, {5, 9}, {67, 41}, {150, 30}}) {
-    Image image(width, height);
-    for (std::uint8_t& pixel : image.pixels) pixel = static_cast<std::uint8_t>(random());
-    Image picture(width / 2, height / 2);
-    for (int y = 0; y < picture.height; ++y)
-      for (int x = 0; x < picture.width; ++x) picture.row(y)[x] = image.row(2 * y)[2 * x];
-    Threshold whole, half;
-    whole.measure(image.view());
-    half.measure_half(whole, picture.view(), Threshold::kAll, alone);
-    EXPECT_EQ(half.noise(), whole.noise());
-    for (int y = 0; y < picture.height; ++y)
-      for (int x = 0; x < picture.width; ++x) {
-        ASSERT_EQ(half.contrast(x, y), whole.contrast(2 * x, 2 * y));
-        for (std::size_t level = 0; level < Threshold::kLevels.size(); ++level) {
-          ASSERT_EQ(half.distance(level, x, y), whole.distance(level, 2 * x, 2 * y));
-          ASSERT_EQ(half.map(level).dark(x, y), half.distance(level, x, y) < 0);
-        }
-      }
-  }
-}
-
 TEST(Threshold, KnowsNoiseFromContrast) {
   std::mt19937 random(5);
   for (const double sigma : {2.0, 8.0}) {
@@ -266,7 +242,6 @@ TEST(ConvexRegions, HaveNoBaysAlongTheirSides) {
 }
 
 TEST(Shapes, InTheShadeLieWhereTheyAreInTheImage) {
-  // Sizes that are odd, and a square that no pixel of half the size ends with.
   Image image(121, 95, 240);
   fill(image, 26, 25, 81, 76, 90);
   fill(image, 31, 30, 76, 71, 10);
@@ -281,8 +256,7 @@ TEST(Shapes, InTheShadeLieWhereTheyAreInTheImage) {
     for (const Point& corner : truth) {
       double nearest = 1e9;
       for (const Point& other : shape.corners) nearest = std::min(nearest, (other - corner).norm());
-      // The threshold lies close to the shade's white: a pixel of half the size.
-      EXPECT_LT(nearest, 2.0 * std::sqrt(2.0));
+      EXPECT_LT(nearest, 1.2);
     }
   }
   EXPECT_EQ(found, 1);

@@ -5,8 +5,6 @@
 #include <tuple>
 #include <utility>
 
-#include "detect/kernels/halve.hpp"
-
 namespace harco::detect {
 namespace {
 
@@ -14,19 +12,15 @@ namespace {
 struct Pass {
   std::size_t level;
   bool dark;
-  double least_side;  // pixels of the image
-  int size;           // pixels of the image for each of the picture that is looked through
+  double least_side;  // pixels
 };
 // A marker in shade beside sunlit ground is rare, and what is dark at the low level is mostly fine
-// texture: too much of it to look for small ones, and half the size shows the others.
-constexpr std::array<Pass, 3> kPasses{{{Threshold::kMiddleLevel, true, 0.0, 1},
-                                       {Threshold::kLineLevel, false, 0.0, 1},
-                                       {Threshold::kLowLevel, true, 28.0, 2}}};
+// texture: too much of it to look for small ones.
+constexpr std::array<Pass, 3> kPasses{{{Threshold::kMiddleLevel, true, 0.0},
+                                       {Threshold::kLineLevel, false, 0.0},
+                                       {Threshold::kLowLevel, true, 28.0}}};
 
-/// In pixels of the picture that is looked through.
-double least_side(const Pass& pass, double min_side) {
-  return std::max(min_side, pass.least_side) / pass.size;
-}
+double least_side(const Pass& pass, double min_side) { return std::max(min_side, pass.least_side); }
 
 int cells_across(const Pass& pass, const ShapeLimits& limits) {
   return pass.dark ? limits.island_cells : limits.hole_cells;
@@ -35,16 +29,10 @@ bool is_wanted(const Pass& pass, const ShapeLimits& limits) {
   return cells_across(pass, limits) > 0;
 }
 
-/// A point of the picture that is looked through in the image.
-Point in_image(const Point& point, const Pass& pass) {
-  return ((point.array() + 0.5) * pass.size - 0.5).matrix();
-}
-
 RegionLimits outline_of(const Pass& pass, const ShapeLimits& limits) {
   const double side = least_side(pass, limits.min_side);
   // Of a steep marker: nor can cells be read that are less than a pixel wide.
-  const double narrow =
-      std::max(0.5 * side, static_cast<double>(cells_across(pass, limits)) / pass.size);
+  const double narrow = std::max(0.5 * side, static_cast<double>(cells_across(pass, limits)));
   RegionLimits outline;
   outline.least_extent = static_cast<int>(narrow);
   outline.least_length = static_cast<int>(2.8 * side);
@@ -76,12 +64,11 @@ std::size_t most_shapes(const ImageView& image) {
   return 300 + pixels / kPixelsPerShape;
 }
 
-/// In the size of the image.
-Image picture_of(const DarkMap& map, int size) {
-  Image picture(size * map.width(), size * map.height(), 255);
-  for (int y = 0; y < picture.height; ++y)
-    for (int x = 0; x < picture.width; ++x)
-      if (map.dark(x / size, y / size)) picture.row(y)[x] = 0;
+Image picture_of(const DarkMap& map) {
+  Image picture(map.width(), map.height(), 255);
+  for (int y = 0; y < map.height(); ++y)
+    for (int x = 0; x < map.width(); ++x)
+      if (map.dark(x, y)) picture.row(y)[x] = 0;
   return picture;
 }
 
@@ -119,38 +106,14 @@ void ShapeFinder::Index::keep_largest(std::size_t most) {
   shapes_.resize(most);
 }
 
-const Threshold& ShapeFinder::threshold_of(std::size_t pass) const {
-  return kPasses[pass].size == 1 ? whole_ : half_;
-}
-
-void ShapeFinder::measure(const ImageView& image, const ShapeLimits& limits, Workers& workers) {
-  const bool islands = limits.island_cells > 0;
-  whole_.measure(image, {islands, limits.hole_cells > 0, false}, workers);
-  const int width = image.width() / 2;
-  const int height = image.height() / 2;
-  if (half_picture_.width != width || half_picture_.height != height)
-    half_picture_ = Image(width, height);
-  if (!islands) return;
-  workers.share(workers.parts(), [&](std::size_t part, std::size_t) {
-    const auto row_of = [&](std::size_t i) {
-      return static_cast<int>(static_cast<std::size_t>(height) * i / workers.parts());
-    };
-    for (int y = row_of(part); y < row_of(part + 1); ++y)
-      kernels::halve_rows(image.row(2 * y), image.row(2 * y + 1), width, half_picture_.row(y));
-  });
-  const bool empty = half_picture_.pixels.empty();
-  half_.measure_half(whole_, empty ? ImageView() : half_picture_.view(), {true, false, true},
-                     workers);
-}
-
 /// Into passes, and those into rows, from the bottom upwards.
 void ShapeFinder::divide(const ShapeLimits& limits, Workers& workers) {
+  const int height = threshold_.image().height();
   const auto strips = static_cast<int>(workers.parts());
   count_of_parts_ = 0;
   parts_.resize(kPasses.size() * workers.parts());
   for (std::size_t pass = 0; pass < kPasses.size(); ++pass) {
     if (!is_wanted(kPasses[pass], limits)) continue;
-    const int height = whole_.image().height() / kPasses[pass].size;
     for (int strip = strips; strip > 0; --strip) {
       Part& part = parts_[count_of_parts_++];
       part.pass = pass;
@@ -165,33 +128,30 @@ void ShapeFinder::look_through(Part& part, Scratch& scratch, double min_side, bo
   part.contours.clear();
   const Pass& pass = kPasses[part.pass];
   scratch.regions.start(passes_[part.pass], part.first_row, part.end_row);
-  scratch.follower.start(threshold_of(part.pass), pass.level);
+  scratch.follower.start(threshold_, pass.level);
   for (RegionTop top{}; scratch.regions.next(top);) {
     const Contour* contour = scratch.follower.around(top);
     if (!contour || contour->area < scratch.regions.limits().least_area) continue;
-    if (tracing) {
-      part.contours.push_back(contour->points);
-      for (Point& point : part.contours.back()) point = in_image(point, pass);
-    }
-    auto quad = fit_quad(*contour);
-    if (!quad || mean_side(*quad) < 0.8 * least_side(pass, min_side)) continue;
-    for (Point& corner : *quad) corner = in_image(corner, pass);
-    part.shapes.push_back({*quad, contour->hole});
+    if (tracing) part.contours.push_back(contour->points);
+    const auto quad = fit_quad(*contour);
+    if (quad && mean_side(*quad) >= 0.8 * least_side(pass, min_side))
+      part.shapes.push_back({*quad, contour->hole});
   }
 }
 
 void ShapeFinder::find(const ImageView& image, const ShapeLimits& limits, Workers& workers,
                        DetectionTrace* trace) {
   index_.clear(image.width(), image.height());
-  measure(image, limits, workers);
+  const bool islands = limits.island_cells > 0;
+  threshold_.measure(image, {islands, limits.hole_cells > 0, islands}, workers);
   if (trace)
     for (std::size_t i = 0; i < kPasses.size(); ++i)
       if (is_wanted(kPasses[i], limits))
-        trace->binary.push_back(picture_of(threshold_of(i).map(kPasses[i].level), kPasses[i].size));
+        trace->binary.push_back(picture_of(threshold_.map(kPasses[i].level)));
   divide(limits, workers);
   workers.share(kPasses.size(), [&](std::size_t pass, std::size_t) {
     if (is_wanted(kPasses[pass], limits))
-      passes_[pass].start(threshold_of(pass), kPasses[pass].level, kPasses[pass].dark,
+      passes_[pass].start(threshold_, kPasses[pass].level, kPasses[pass].dark,
                           outline_of(kPasses[pass], limits));
   });
   scratch_.resize(workers.count());

@@ -17,7 +17,7 @@ namespace harco::detect {
 
 /// A quadrilateral; seen at several thresholds it counts once.
 struct Shape {
-  Quad corners;  ///< right to about a pixel, two if found at half size
+  Quad corners;  ///< right to about a pixel
   bool hole;     ///< bright inside dark; otherwise dark inside bright
 };
 
@@ -39,7 +39,7 @@ class ShapeFinder {
   /// Of the last picture. At most 300 and one for each 1000 pixels, the largest ones.
   const std::vector<Shape>& shapes() const { return index_.shapes(); }
   std::size_t count() const { return count_; }  ///< before that limit
-  const Threshold& threshold() const { return whole_; }
+  const Threshold& threshold() const { return threshold_; }
 
  private:
   /// The shapes found so far, by where their centres lie.
@@ -74,14 +74,10 @@ class ShapeFinder {
     std::vector<Shape> shapes;
     std::vector<std::vector<Point>> contours;  // for a trace
   };
-  const Threshold& threshold_of(std::size_t pass) const;
-  void measure(const ImageView& image, const ShapeLimits& limits, Workers& workers);
   void divide(const ShapeLimits& limits, Workers& workers);
   void look_through(Part& part, Scratch& scratch, double min_side, bool tracing) const;
 
-  Threshold whole_;
-  Image half_picture_;  // each pixel the mean of four
-  Threshold half_;
+  Threshold threshold_;
   std::array<ConvexRegions, Threshold::kLevels.size()> passes_;
   std::vector<Scratch> scratch_;
   std::vector<Part> parts_;

@@ -26,67 +26,38 @@ void Threshold::measure(const ImageView& image) {
   measure(image, kAll, alone);
 }
 
-void Threshold::resize(std::size_t tiles, const Wanted& wanted, Workers& workers) {
+void Threshold::measure(const ImageView& image, const Wanted& wanted, Workers& workers) {
+  image_ = image;
+  columns_ = (image.width() + kTile - 1) / kTile;
+  bands_ = (image.height() + kTile - 1) / kTile;
   const auto columns = static_cast<std::size_t>(columns_);
   scratch_.resize(workers.count());
   for (Scratch& scratch : scratch_) {
     for (auto& band : scratch.low) band.assign(columns + 2, 255);
     for (auto& band : scratch.high) band.assign(columns + 2, 0);
     scratch.thresholds.resize(columns * kTile);
-    scratch.every_second.resize(columns * kTile / 2);
   }
-  near_low_.resize(tiles);
-  near_high_.resize(tiles);
+  near_low_.resize(columns * static_cast<std::size_t>(bands_));
+  near_high_.resize(near_low_.size());
   for (std::size_t level = 0; level < kLevels.size(); ++level)
-    if (wanted[level]) maps_[level].resize(image_.width(), image_.height());
-}
-
-/// Each of those who work gets some bands: work(first, end, scratch).
-template <typename Work>
-void Threshold::share_bands(Workers& workers, const Work& work) {
-  const auto parts = static_cast<int>(workers.parts());
-  workers.share(workers.parts(), [&](std::size_t item, std::size_t worker) {
-    const auto part = static_cast<int>(item);
-    const int first = bands_ * part / parts;
-    const int end = bands_ * (part + 1) / parts;
-    if (first < end) work(first, end, scratch_[worker]);
-  });
-}
-
-void Threshold::measure(const ImageView& image, const Wanted& wanted, Workers& workers) {
-  image_ = image;
-  tile_bits_ = 2;
-  columns_ = (image.width() + kTile - 1) / kTile;
-  bands_ = (image.height() + kTile - 1) / kTile;
-  resize(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(bands_), wanted, workers);
+    if (wanted[level]) maps_[level].resize(image.width(), image.height());
 
   measure_noise(scratch_[0]);
   min_contrast_ = contrast_above_noise(noise_);
-  share_bands(workers, [&](int first, int end, Scratch& scratch) {
+  const auto parts = static_cast<int>(workers.parts());
+  workers.share(workers.parts(), [&](std::size_t item, std::size_t worker) {
+    const auto part = static_cast<int>(item);
+    Scratch& scratch = scratch_[worker];
+    const int first = bands_ * part / parts;
+    const int end = bands_ * (part + 1) / parts;
+    if (first == end) return;
     // One band behind the other, while its pixels are still in the cache.
     if (first > 0) measure_band(first - 1, scratch);
     measure_band(first, scratch);
     for (int band = first; band < end; ++band) {
       measure_band(band + 1, scratch);
-      find_extremes_nearby(band, scratch);
       find_dark(band, wanted, scratch);
     }
-  });
-}
-
-void Threshold::measure_half(const Threshold& whole, const ImageView& half, const Wanted& wanted,
-                             Workers& workers) {
-  image_ = half;
-  tile_bits_ = 1;
-  columns_ = whole.columns_;
-  bands_ = whole.bands_;
-  noise_ = whole.noise_;
-  min_contrast_ = whole.min_contrast_;
-  resize(whole.near_low_.size(), wanted, workers);
-  std::copy(whole.near_low_.begin(), whole.near_low_.end(), near_low_.begin());
-  std::copy(whole.near_high_.begin(), whole.near_high_.end(), near_high_.begin());
-  share_bands(workers, [&](int first, int end, Scratch& scratch) {
-    for (int band = first; band < end; ++band) find_dark(band, wanted, scratch);
   });
 }
 
@@ -123,7 +94,7 @@ void Threshold::measure_band(int band, Scratch& scratch) const {
                          scratch.high[at].data() + 1);
 }
 
-void Threshold::find_extremes_nearby(int band, const Scratch& scratch) {
+void Threshold::find_dark(int band, const Wanted& wanted, Scratch& scratch) {
   kernels::TileBands bands{};
   for (int i = 0; i < 3; ++i) {
     // The bands beyond the image are its outermost ones.
@@ -132,26 +103,16 @@ void Threshold::find_extremes_nearby(int band, const Scratch& scratch) {
     bands.high[i] = scratch.high[at].data();
   }
   const std::ptrdiff_t first = std::ptrdiff_t{band} * columns_;
-  kernels::tile_extremes_nearby(bands, columns_, near_low_.data() + first,
-                                near_high_.data() + first);
-}
-
-void Threshold::find_dark(int band, const Wanted& wanted, Scratch& scratch) {
-  const std::ptrdiff_t first = std::ptrdiff_t{band} * columns_;
-  std::uint8_t* thresholds = scratch.thresholds.data();
-  // Each threshold is there for the four pixels of a tile's row; half the size needs two.
-  const bool half = tile_bits_ == 1;
-  std::uint8_t* every_second = scratch.every_second.data();
-  const int count = columns_ * kTile / 2;
+  std::uint8_t* low = near_low_.data() + first;
+  std::uint8_t* high = near_high_.data() + first;
+  kernels::tile_extremes_nearby(bands, columns_, low, high);
   for (std::size_t level = 0; level < kLevels.size(); ++level) {
     if (!wanted[level]) continue;
-    kernels::tile_thresholds(near_low_.data() + first, near_high_.data() + first, columns_,
-                             kLevels[level].sixteenths, least_contrast(level), thresholds);
-    if (half)
-      for (int x = 0; x < count; ++x) every_second[x] = thresholds[2 * x];
-    const int end = std::min((band + 1) << tile_bits_, image_.height());
-    for (int y = band << tile_bits_; y < end; ++y)
-      kernels::dark_bits(image_.row(y), half ? every_second : thresholds, image_.width(),
+    kernels::tile_thresholds(low, high, columns_, kLevels[level].sixteenths, least_contrast(level),
+                             scratch.thresholds.data());
+    const int end = std::min((band + 1) * kTile, image_.height());
+    for (int y = band * kTile; y < end; ++y)
+      kernels::dark_bits(image_.row(y), scratch.thresholds.data(), image_.width(),
                          reinterpret_cast<std::uint8_t*>(maps_[level].row(y)));
   }
 }

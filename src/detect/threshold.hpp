@@ -81,11 +81,6 @@ class Threshold {
   void measure(const ImageView& image, const Wanted& wanted, Workers& workers);
   void measure(const ImageView& image);  ///< at all levels, alone
 
-  /// Likewise of a picture at half its size, each pixel the mean of four. What is dark is judged
-  /// against the same neighbourhood as in the `whole`, which has been measured.
-  void measure_half(const Threshold& whole, const ImageView& half, const Wanted& wanted,
-                    Workers& workers);
-
   /// Standard deviation of the noise in grey levels, from the ranges of the evenest quarter of
   /// tiles.
   double noise() const { return noise_; }
@@ -120,8 +115,8 @@ class Threshold {
   static constexpr int kTile = kernels::kTile;
 
   std::size_t tile_of(int x, int y) const {
-    return static_cast<std::size_t>(y >> tile_bits_) * static_cast<std::size_t>(columns_) +
-           static_cast<std::size_t>(x >> tile_bits_);
+    return static_cast<std::size_t>(y) / kTile * static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(x) / kTile;
   }
   int least_contrast(std::size_t level) const {
     return std::max(kLevels[level].least_contrast, min_contrast_);
@@ -129,19 +124,14 @@ class Threshold {
   /// What one of those who work needs of its own.
   struct Scratch {
     std::array<std::vector<std::uint8_t>, 4> low, high;  // of bands of tiles, in turn; padded
-    std::vector<std::uint8_t> thresholds, every_second;  // of a row of pixels
+    std::vector<std::uint8_t> thresholds;                // of a row of pixels
   };
   void measure_noise(Scratch& scratch);
   void measure_band(int band, Scratch& scratch) const;
-  void resize(std::size_t tiles, const Wanted& wanted, Workers& workers);
-  template <typename Work>
-  void share_bands(Workers& workers, const Work& work);
-  void find_extremes_nearby(int band, const Scratch& scratch);
   void find_dark(int band, const Wanted& wanted, Scratch& scratch);
 
   ImageView image_;
-  int columns_ = 0, bands_ = 0;  // of tiles
-  int tile_bits_ = 2;            // a tile has 2^2 pixels a side, in a picture at half its size 2^1
+  int columns_ = 0, bands_ = 0;
   double noise_ = 0.0;
   int min_contrast_ = 0;
   std::vector<Scratch> scratch_;
