@@ -175,7 +175,7 @@ void covered_search(State& state) {
   for (auto _ : state) {
     squares = 0;
     pyramid.build(image);
-    for (const auto& quad : covered.find(pyramid, 80.0, 16.0, std::nullopt, alone)) {
+    for (const auto& quad : covered.find(pyramid, lens, 80.0, 16, std::nullopt, alone)) {
       benchmark::DoNotOptimize(recovery.at(pyramid, lens, quad.corners));
       ++squares;
     }
