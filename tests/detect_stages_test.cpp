@@ -32,17 +32,7 @@ Image square_image(int size, int from, int to, std::uint8_t outside, std::uint8_
   return image;
 }
 
-std::vector<Contour> contours_of(const Image& image, std::size_t level = 0) {
-  Threshold threshold;
-  threshold.measure(image.view());
-  BorderFollower follower;
-  follower.start(threshold, level);
-  std::vector<Contour> contours;
-  while (const Contour* contour = follower.next()) contours.push_back(*contour);
-  return contours;
-}
-
-std::vector<Contour> convex_contours_of(const Image& image) {
+std::vector<Contour> contours_of(const Image& image) {
   Threshold threshold;
   threshold.measure(image.view());
   ConvexRegions regions;
@@ -300,7 +290,6 @@ TEST(Contours, FollowADarkSquareAtHalfPixels) {
   const std::vector<Contour> contours = contours_of(square_image(32, 10, 20, 200, 0));
   ASSERT_EQ(contours.size(), 1U);
   EXPECT_FALSE(contours[0].hole);
-  EXPECT_FALSE(contours[0].at_image_edge);
   EXPECT_EQ(contours[0].points.size(), 40U);
   // From 9.5 to 19.5 each way, the four corners cut at 45 degrees: 100 - 4 * 0.125.
   EXPECT_NEAR(contours[0].area, 99.5, 1e-9);
@@ -329,24 +318,23 @@ TEST(Contours, SeeTheGreyBetweenPixels) {
   EXPECT_NEAR(left, 10.0 + 50.0 / 150.0, 1e-9);
 }
 
-TEST(Contours, KnowWhereTheImageEnds) {
-  Image image(32, 32, 200);
-  for (int y = 5; y < 15; ++y)
-    for (int x = 0; x < 10; ++x) image.row(y)[x] = 0;
-  const std::vector<Contour> contours = contours_of(image);
-  ASSERT_EQ(contours.size(), 1U);
-  EXPECT_TRUE(contours[0].at_image_edge);
-}
-
 TEST(Contours, JoinDarkPixelsAtACornerOnlyIfTheGreyBetweenIsDark) {
   // Two dark squares that touch at a corner: the mean of the four pixels there is 100, the
   // thresholds are 62.5, 100 and 137.5.
   Image image(24, 24, 200);
   for (int i = 0; i < 4; ++i)
     for (int j = 0; j < 4; ++j) image.row(8 + i)[8 + j] = image.row(12 + i)[12 + j] = 0;
-  EXPECT_EQ(contours_of(image, 2).size(), 2U);
-  EXPECT_EQ(contours_of(image, 0).size(), 2U);
-  EXPECT_EQ(contours_of(image, 1).size(), 1U);
+  Threshold threshold;
+  threshold.measure(image.view());
+  BorderFollower follower;
+  const auto points_around_the_upper_one = [&](std::size_t level) {
+    follower.start(threshold, level);
+    const Contour* contour = follower.around({8, 8, true, 8, 8});
+    return contour ? contour->points.size() : 0;
+  };
+  EXPECT_EQ(points_around_the_upper_one(Threshold::kLowLevel), 16U);
+  EXPECT_EQ(points_around_the_upper_one(Threshold::kMiddleLevel), 16U);
+  EXPECT_EQ(points_around_the_upper_one(Threshold::kLineLevel), 32U);
 }
 
 /// Dark where the point is inside the polygon (clockwise on the screen).
@@ -375,13 +363,13 @@ TEST(Contours, OfConvexShapesAreFoundAtEveryTurn) {
         corners.push_back(Point(64.3, 63.8) + turn * (half * corner));
       // Dark inside bright, and the other way round in a dark frame.
       Image image = polygon_image(128, corners);
-      auto contours = convex_contours_of(image);
+      auto contours = contours_of(image);
       const auto island = std::find_if(contours.begin(), contours.end(),
                                        [](const Contour& contour) { return !contour.hole; });
       ASSERT_NE(island, contours.end()) << degrees << " degrees, " << half;
       EXPECT_NEAR(island->area, 4.0 * half * half, 0.1 * 4.0 * half * half);
       for (std::uint8_t& pixel : image.pixels) pixel = static_cast<std::uint8_t>(200 - pixel);
-      contours = convex_contours_of(image);
+      contours = contours_of(image);
       const auto hole = std::find_if(contours.begin(), contours.end(),
                                      [](const Contour& contour) { return contour.hole; });
       ASSERT_NE(hole, contours.end()) << degrees << " degrees, " << half;
@@ -394,31 +382,8 @@ TEST(Contours, GiveUpWhatIsHollowOrCutOff) {
   Image image = square_image(80, 20, 60, 200, 0);
   for (int y = 30; y < 50; ++y)
     for (int x = 30; x < 60; ++x) image.row(y)[x] = 200;
-  EXPECT_EQ(contours_of(image).size(), 1U);
-  EXPECT_TRUE(convex_contours_of(image).empty());
-  EXPECT_TRUE(convex_contours_of(square_image(40, 0, 20, 200, 0)).empty());
-}
-
-TEST(Contours, FollowTheSameBordersInBothWays) {
-  // What one way finds, the other one finds as well, point by point, but for where it starts.
-  std::mt19937 random(9);
-  Image image(200, 150);
-  for (int y = 0; y < image.height; ++y)
-    for (int x = 0; x < image.width; ++x)
-      image.row(y)[x] =
-          static_cast<std::uint8_t>(128 + 60 * std::sin(0.35 * x) * std::cos(0.3 * y + 0.01 * x) +
-                                    static_cast<double>(random() % 16));
-  const auto all = contours_of(image);
-  const auto convex = convex_contours_of(image);
-  ASSERT_GT(convex.size(), 5U);
-  for (const Contour& contour : convex) {
-    const auto same = std::find_if(all.begin(), all.end(), [&](const Contour& other) {
-      return other.hole == contour.hole && other.points.size() == contour.points.size() &&
-             std::is_permutation(other.points.begin(), other.points.end(), contour.points.begin());
-    });
-    ASSERT_NE(same, all.end());
-    EXPECT_NEAR(same->area, contour.area, 1e-9);
-  }
+  EXPECT_TRUE(contours_of(image).empty());
+  EXPECT_TRUE(contours_of(square_image(40, 0, 20, 200, 0)).empty());
 }
 
 Contour outline(const std::vector<Point>& corners, int per_side) {

@@ -64,56 +64,17 @@ unsigned two_bits(const std::uint8_t* origin, std::ptrdiff_t bit) {
 
 }  // namespace
 
-void BorderFollower::start(const Threshold& threshold, std::size_t level,
-                           std::size_t least_length) {
+void BorderFollower::start(const Threshold& threshold, std::size_t level) {
   threshold_ = &threshold;
   map_ = &threshold.map(level);
   level_ = level;
-  least_length_ = least_length;
-  way_.resize(std::max<std::size_t>(way_.size(), 1024));
-  row_ = -1;
-  starts_.clear();
-  next_start_ = 0;
-}
-
-/// Appends every dark pixel of this row below a bright one whose upper edge wasn't followed yet;
-/// some may be followed by the time that their turn comes.
-void BorderFollower::find_upper_edges() {
-  const std::uint64_t* here = map_->row(row_);
-  const std::uint64_t* above = map_->row(row_ - 1);
-  const std::uint64_t* visited = visited_.row(row_);
-  for (int word = 0; word < map_->words_in_row(); ++word)
-    for (std::uint64_t left = here[word] & ~above[word] & ~visited[word]; left != 0;
-         left &= left - 1)
-      starts_.push_back({64 * word + std::countr_zero(left), row_, kRight});
 }
 
 const Contour* BorderFollower::around(const RegionTop& top) {
   const Place from{top.x, top.y, top.dark ? kRight : kDown};
   // Something about convex is hardly longer around than its bounding box.
   const auto most_steps = static_cast<std::size_t>(3 * (top.columns + top.rows) + 16);
-  if (!follow_from_top(from, most_steps) || length_ < least_length_) return nullptr;
-  return measure(from);
-}
-
-const Contour* BorderFollower::next() {
-  if (row_ < 0) {
-    visited_.resize(map_->width(), map_->height());
-    visited_.clear();
-  }
-  for (;;) {
-    while (next_start_ < starts_.size()) {
-      const Place from = starts_[next_start_++];
-      if (visited_.dark(from.x, from.y)) continue;
-      follow(from);
-      if (length_ < least_length_) continue;
-      return measure(from);
-    }
-    if (++row_ >= map_->height()) return nullptr;
-    starts_.clear();
-    next_start_ = 0;
-    find_upper_edges();
-  }
+  return follow_from_top(from, most_steps) ? measure(from) : nullptr;
 }
 
 /// What going on takes of a map.
@@ -138,21 +99,6 @@ std::size_t BorderFollower::ask(std::size_t direction, std::ptrdiff_t at) const 
                    threshold_->distance(level_, x, y + 1) +
                    threshold_->distance(level_, x + 1, y + 1);
   return (direction + (grey < 0 ? 3 : 1)) % 4;
-}
-
-/// Goes around a region of any shape.
-void BorderFollower::follow(const Place& from) {
-  const Ground ground(*map_);
-  const Step first = first_step(from);
-  Step step = first;
-  length_ = 0;
-  do {
-    // The dark pixel below is the one on the lower right of this corner.
-    if (step.direction == kRight) visited_.set(step.at + map_->bits_in_row() + 1);
-    if (length_ == way_.size()) way_.resize(2 * way_.size());
-    way_[length_++] = static_cast<std::uint8_t>(step.direction);
-    go_on(ground, step);
-  } while (step != first);
 }
 
 /// Goes around a region from its first corner, row by row. False if it turns out not to be the
@@ -189,8 +135,6 @@ const Contour* BorderFollower::measure(const Place& from) {
   contour_.points.resize(length_);
   int x = from.x;
   int y = from.y;
-  int low_x = x, high_x = x;
-  int low_y = y, high_y = y;
   double twice = 0.0;
   Point before = Point::Zero();
   for (std::size_t i = 0; i < length_; ++i) {
@@ -207,17 +151,11 @@ const Contour* BorderFollower::measure(const Place& from) {
     twice += before.x() * point.y() - point.x() * before.y();
     before = point;
     contour_.points[i] = point;
-    low_x = std::min(low_x, x);
-    high_x = std::max(high_x, x);
-    low_y = std::min(low_y, y);
-    high_y = std::max(high_y, y);
     x += kStepX[direction];
     y += kStepY[direction];
   }
   const Point& start = contour_.points.front();
   twice += before.x() * start.y() - start.x() * before.y();
-  contour_.at_image_edge =
-      low_x == 0 || low_y == 0 || high_x == map_->width() || high_y == map_->height();
   // Clockwise on the screen, y down, gives a positive area: dark inside bright.
   contour_.hole = twice < 0.0;
   contour_.area = 0.5 * std::abs(twice);

@@ -16,25 +16,19 @@ using Point = Eigen::Vector2d;
 
 /// A closed border, in pixels.
 struct Contour {
-  std::vector<Point> points;   ///< one for every pair of a dark and a bright pixel that it parts
-  double area = 0.0;           ///< square pixels, positive
-  bool hole = false;           ///< bright inside dark; otherwise dark inside bright
-  bool at_image_edge = false;  ///< part of it is only where the image ends
+  std::vector<Point> points;  ///< one for every pair of a dark and a bright pixel that it parts
+  double area = 0.0;          ///< square pixels, positive
+  bool hole = false;          ///< bright inside dark; otherwise dark inside bright
 };
 
 /// Follows borders of a dark map along the pixels' edges. Dark pixels that touch at a corner hang
 /// together if the grey between them is dark.
 class BorderFollower {
  public:
-  /// Gets ready for next() or around().
-  /// Shorter contours than `least_length` points are left out.
-  void start(const Threshold& threshold, std::size_t level, std::size_t least_length = 4);
+  void start(const Threshold& threshold, std::size_t level);
 
-  /// The contour of one region, or null if it doesn't begin there.
+  /// The contour of one region, or null if it doesn't begin there or is far from convex.
   const Contour* around(const RegionTop& top);
-
-  /// The next contour of any shape, or null.
-  const Contour* next();
 
  private:
   /// A corner of pixels, the one between (x-1, y-1) and (x, y), and the way on from there: the
@@ -53,9 +47,7 @@ class BorderFollower {
   };
 
   struct Ground;
-  void find_upper_edges();
   std::size_t ask(std::size_t direction, std::ptrdiff_t at) const;
-  void follow(const Place& from);
   Step first_step(const Place& from) const;
   void go_on(const Ground& ground, Step& step) const;
   bool follow_from_top(const Place& from, std::size_t most_steps);
@@ -64,12 +56,6 @@ class BorderFollower {
   const Threshold* threshold_ = nullptr;
   const DarkMap* map_ = nullptr;
   std::size_t level_ = 0;
-  std::size_t least_length_ = 4;
-
-  int row_ = 0;
-  std::vector<Place> starts_;  // in this row
-  std::size_t next_start_ = 0;
-  DarkMap visited_;  // for next(): dark pixels whose upper edge has been followed
 
   std::vector<std::uint8_t> way_;  // the directions that were gone,
   std::size_t length_ = 0;         // of which there are so many

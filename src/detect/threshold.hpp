@@ -36,10 +36,6 @@ class DarkMap {
     return (row(y)[bit / 64 - 1] >> (bit % 64) & 1) != 0;
   }
 
-  /// Bits as for origin().
-  void set(std::ptrdiff_t bit) { row(0)[bit >> 6] |= std::uint64_t{1} << (bit & 63); }
-  void clear() { std::fill(words_.begin(), words_.end(), 0); }
-
   /// For readers of single bits: pixel (x, y) is bit y * bits_in_row() + x from here on; negative
   /// ones are valid as above.
   const std::uint64_t* origin() const { return row(0); }
