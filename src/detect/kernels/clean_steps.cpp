@@ -52,7 +52,8 @@ void clean_steps_simd(const SixSamples& samples, int count, int least_contrast,
     const auto uneven = hn::Max(hn::Sub(high_before, low_before), hn::Sub(high_behind, low_behind));
     const auto twice = hn::SaturatedAdd(uneven, uneven);
     const auto four_times = hn::SaturatedAdd(twice, twice);
-    const auto middle = hn::AverageRound(b, e);
+    // Their mean, rounded up; AverageRound of some Highways overflows with SVE.
+    const auto middle = hn::Sub(hn::Or(b, e), hn::ShiftRight<1>(hn::Xor(b, e)));
     const auto passed = hn::Or(hn::And(hn::Lt(c, middle), hn::Not(hn::Lt(d, middle))),
                                hn::And(hn::Lt(d, middle), hn::Not(hn::Lt(c, middle))));
     const auto clean = hn::And(hn::Gt(contrast, too_little), hn::Not(hn::Gt(four_times, contrast)));

@@ -98,8 +98,8 @@ void huber_weights_on(const float* HWY_RESTRICT residuals, float inverse_varianc
                       std::size_t count, float* HWY_RESTRICT weights) {
   for_each_vector(count, [&](auto d, std::size_t i) {
     const auto r = hn::LoadU(d, residuals + i), one = hn::Set(d, 1.0F);
-    const auto z2 = r * r * hn::Set(d, inverse_variance);
-    hn::StoreU(one / hn::Sqrt(hn::Max(one, z2)), d, weights + i);
+    const auto z2 = hn::Mul(hn::Mul(r, r), hn::Set(d, inverse_variance));
+    hn::StoreU(hn::Div(one, hn::Sqrt(hn::Max(one, z2))), d, weights + i);
   });
 }
 
@@ -107,9 +107,10 @@ void tukey_weights_on(const float* HWY_RESTRICT residuals, float inverse_varianc
                       float inverse_limit, std::size_t count, float* HWY_RESTRICT weights) {
   for_each_vector(count, [&](auto d, std::size_t i) {
     const auto r = hn::LoadU(d, residuals + i);
-    const auto z2 = r * r * hn::Set(d, inverse_variance);
-    const auto q = hn::Max(hn::Zero(d), hn::Set(d, 1.0F) - z2 * hn::Set(d, inverse_limit));
-    hn::StoreU(q * q, d, weights + i);
+    const auto z2 = hn::Mul(hn::Mul(r, r), hn::Set(d, inverse_variance));
+    const auto rest = hn::Sub(hn::Set(d, 1.0F), hn::Mul(z2, hn::Set(d, inverse_limit)));
+    const auto q = hn::Max(hn::Zero(d), rest);
+    hn::StoreU(hn::Mul(q, q), d, weights + i);
   });
 }
 
@@ -120,17 +121,19 @@ void flow_rows_on(const Gradients& g, const Flow* flows, std::size_t n, std::siz
     for_each_vector(count, [&](auto d, std::size_t i) {
       const auto dx = hn::LoadU(d, g.dx + i), dy = hn::LoadU(d, g.dy + i);
       const auto along = [&](const float* f) {
-        return hn::Set(d, f[0]) + hn::Set(d, f[1]) * dx + hn::Set(d, f[2]) * dy;
+        return hn::Add(hn::Add(hn::Set(d, f[0]), hn::Mul(hn::Set(d, f[1]), dx)),
+                       hn::Mul(hn::Set(d, f[2]), dy));
       };
-      hn::StoreU(
-          hn::LoadU(d, g.by_x + i) * along(flow.x) + hn::LoadU(d, g.by_y + i) * along(flow.y), d,
-          rows[k] + i);
+      hn::StoreU(hn::Add(hn::Mul(hn::LoadU(d, g.by_x + i), along(flow.x)),
+                         hn::Mul(hn::LoadU(d, g.by_y + i), along(flow.y))),
+                 d, rows[k] + i);
     });
   }
 }
 
 void light_rows_on(const LitSamples& at, const LightTerms& light, float gain, std::size_t first,
                    std::size_t count) {
+  using hn::Add, hn::Mul, hn::Sub;
   constexpr float kBrightest = 255.0F;
   const float* l = light.levels;
   for_each_vector(count, [&](auto d, std::size_t k) {
@@ -140,53 +143,59 @@ void light_rows_on(const LitSamples& at, const LightTerms& light, float gain, st
     const auto one = set(1.0F);
     const auto u = hn::LoadU(d, at.u + i), v = hn::LoadU(d, at.v + i);
     const auto share = hn::Min(hn::Max(hn::LoadU(d, at.white_share + i), hn::Zero(d)), one);
-    const auto place = share * set(static_cast<float>(light.cells));
+    const auto place = Mul(share, set(static_cast<float>(light.cells)));
     const auto cell = hn::Min(hn::ConvertTo(di, place), hn::Set(di, light.cells - 1));
-    const auto part = place - hn::ConvertTo(d, cell);
+    const auto part = Sub(place, hn::ConvertTo(d, cell));
     const auto look_up = [&](const float* table) {
       const auto low = hn::GatherIndex(d, table, cell);
-      return low + part * (hn::GatherIndex(d, table + 1, cell) - low);
+      return Add(low, Mul(part, Sub(hn::GatherIndex(d, table + 1, cell), low)));
     };
-    const auto seen = look_up(light.seen), unseen = one - seen;
-    const auto bow = u * (set(l[6]) * u + set(l[7]) * v) + v * v * set(l[8]);
-    const auto plane = set(l[0]) + set(l[1]) * u + set(l[2]) * v + set(light.dark_part) * bow;
-    const auto parabola = set(l[3]) + set(l[4]) * u + set(l[5]) * v + bow;
+    // constant + by_u u + by_v v
+    const auto linear = [&](const float* by) {
+      return Add(Add(set(by[0]), Mul(set(by[1]), u)), Mul(set(by[2]), v));
+    };
+    const auto seen = look_up(light.seen), unseen = Sub(one, seen);
+    const auto bow =
+        Add(Mul(u, Add(Mul(set(l[6]), u), Mul(set(l[7]), v))), Mul(Mul(v, v), set(l[8])));
+    const auto plane = Add(linear(l), Mul(set(light.dark_part), bow));
+    const auto parabola = Add(linear(l + 3), bow);
     auto on_black = set(gain), on_white = set(gain);
     if (at.depth != nullptr) {
       const auto depth = hn::LoadU(d, at.depth + i);
-      on_black = on_black * (one - depth * set(light.less_black));
-      on_white = on_white * (one - depth * set(light.less_white));
+      on_black = Mul(on_black, Sub(one, Mul(depth, set(light.less_black))));
+      on_white = Mul(on_white, Sub(one, Mul(depth, set(light.less_white))));
     }
-    const auto black = on_black * plane;
-    auto contrast = on_white * parabola - black;
-    const auto value = black + contrast * seen;
+    const auto black = Mul(on_black, plane);
+    auto contrast = Sub(Mul(on_white, parabola), black);
+    const auto value = Add(black, Mul(contrast, seen));
     // Nothing that is burnt out tells by how much.
     const auto burnt = hn::Gt(value, set(kBrightest));
     contrast = hn::IfThenZeroElse(burnt, contrast);
     on_black = hn::IfThenZeroElse(burnt, on_black);
     on_white = hn::IfThenZeroElse(burnt, on_white);
-    hn::StoreU(hn::LoadU(d, at.grey + i) - hn::Min(set(kBrightest), value), d, at.residuals + i);
-    const auto slope = contrast * look_up(light.slope);
+    hn::StoreU(Sub(hn::LoadU(d, at.grey + i), hn::Min(set(kBrightest), value)), d,
+               at.residuals + i);
+    const auto slope = Mul(contrast, look_up(light.slope));
     for (std::size_t c = 0; c < light.pictured; ++c)
-      hn::StoreU(hn::LoadU(d, at.columns[c] + i) * slope, d, at.columns[c] + i);
+      hn::StoreU(Mul(hn::LoadU(d, at.columns[c] + i), slope), d, at.columns[c] + i);
     float* const* to = at.columns + light.pictured;
     const auto store = [&](auto row) { hn::StoreU(row, d, *to++ + i); };
-    store(contrast * look_up(light.by_log_gamma));
-    const auto of_black = on_black * unseen, of_white = on_white * seen;
+    store(Mul(contrast, look_up(light.by_log_gamma)));
+    const auto of_black = Mul(on_black, unseen), of_white = Mul(on_white, seen);
     store(of_black);
-    store(of_black * u);
-    store(of_black * v);
+    store(Mul(of_black, u));
+    store(Mul(of_black, v));
     store(of_white);
-    store(of_white * u);
-    store(of_white * v);
-    const auto both = of_white + set(light.dark_part) * of_black;
-    store(both * u * u);
-    store(both * u * v);
-    store(both * v * v);
+    store(Mul(of_white, u));
+    store(Mul(of_white, v));
+    const auto both = Add(of_white, Mul(set(light.dark_part), of_black));
+    store(Mul(Mul(both, u), u));
+    store(Mul(Mul(both, u), v));
+    store(Mul(Mul(both, v), v));
     if (at.depth == nullptr) return;
-    const auto missing = hn::IfThenZeroElse(burnt, set(gain) * hn::LoadU(d, at.depth + i));
-    store(missing * parabola * seen);
-    store(missing * plane * unseen);
+    const auto missing = hn::IfThenZeroElse(burnt, Mul(set(gain), hn::LoadU(d, at.depth + i)));
+    store(Mul(Mul(missing, parabola), seen));
+    store(Mul(Mul(missing, plane), unseen));
   });
 }
 
