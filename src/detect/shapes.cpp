@@ -145,9 +145,8 @@ void ShapeFinder::find(const ImageView& image, const ShapeLimits& limits, Worker
   const bool islands = limits.island_cells > 0;
   threshold_.measure(image, {islands, limits.hole_cells > 0, islands}, workers);
   if (trace)
-    for (std::size_t i = 0; i < kPasses.size(); ++i)
-      if (is_wanted(kPasses[i], limits))
-        trace->binary.push_back(picture_of(threshold_.map(kPasses[i].level)));
+    for (const Pass& pass : kPasses)
+      if (is_wanted(pass, limits)) trace->binary.push_back(picture_of(threshold_.map(pass.level)));
   divide(limits, workers);
   workers.share(kPasses.size(), [&](std::size_t pass, std::size_t) {
     if (is_wanted(kPasses[pass], limits))
