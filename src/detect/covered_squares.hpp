@@ -16,8 +16,8 @@
 
 namespace harco::detect {
 
-/// Looks in the picture at half its size: outlines are half as long there, and there are a quarter
-/// as many of them.
+/// Looks in the picture at half its size: what is straight of a side is long enough there, and of
+/// texture there is a quarter.
 class CoveredSquares {
  public:
   /// The most promising ones, in pixels of the ideal camera. With a calibration, three sides do.

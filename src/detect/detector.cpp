@@ -69,6 +69,12 @@ const DetectorOptions& checked(const DetectorOptions& options) {
   return options;
 }
 
+/// Of the smallest marker of some books, its ring included; 0 without any. They are in the order of
+/// their cells.
+int cells_across(const std::vector<Codebook>& books) {
+  return books.empty() ? 0 : books.front().cells() + 2;
+}
+
 /// In the order of the set; of a marker that is there twice, the upper one first.
 void sort_by_place(std::vector<Detection>& detections) {
   std::sort(detections.begin(), detections.end(), [](const Detection& a, const Detection& b) {
@@ -211,12 +217,6 @@ struct Detector::Impl {
   detect::CoveredSquares covered;
   std::vector<detect::Recovery> recoveries;  // of each of those who work
 };
-
-/// Of the smallest marker of some books, its ring included; 0 without any. They are in the order of
-/// their cells.
-int cells_across(const std::vector<Codebook>& books) {
-  return books.empty() ? 0 : books.front().cells() + 2;
-}
 
 void Detector::Impl::find_shapes(const ImageView& image, DetectionTrace* trace) {
   shapes.find(image, {options.min_side_px, cells_across(parent_books), cells_across(child_books)},
