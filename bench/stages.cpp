@@ -175,8 +175,9 @@ void covered_search(State& state) {
   for (auto _ : state) {
     squares = 0;
     pyramid.build(image);
-    for (const auto& quad : covered.find(pyramid, lens, 80.0, 16, std::nullopt, alone)) {
-      benchmark::DoNotOptimize(recovery.at(pyramid, lens, quad.corners));
+    for (const auto& quad : covered.find(pyramid, lens, 80.0, 16, 12, std::nullopt, alone)) {
+      const auto glimpse = recovery.glimpse(pyramid, lens, quad.corners, 0);
+      if (glimpse) benchmark::DoNotOptimize(recovery.at(pyramid, lens, *glimpse, 0.0));
       ++squares;
     }
   }

@@ -300,37 +300,75 @@ TEST(Quads, ThatAreNearlyOneAreOne) {
 }
 
 /// A marker's picture, as blurred as an image of 180 pixels has it.
-detect::Texels blurred_picture(const MarkerSet& set) {
-  detect::Texels picture;
-  detect::smooth(detect::picture_of(InkMap(set, 0)), 0.6, picture);
-  return picture;
+struct Blurred {
+  detect::Texels texels;
+  detect::BlurredPicture picture;
+};
+Blurred blurred_picture(const MarkerSet& set) {
+  Blurred blurred;
+  detect::blur_picture(detect::picture_of(InkMap(set, 0)), 0.6,
+                       set.parents[0].marker.code.cells + 2, blurred.texels, blurred.picture);
+  return blurred;
 }
 
 TEST(Likeness, IsThatOfWhatIsSeen) {
   const MarkerSet set = layers(2);
-  const detect::Texels picture = blurred_picture(set);
-  const detect::Likeness whole = detect::likeness(picture, picture, 7);
+  const auto [texels, picture] = blurred_picture(set);
+  const detect::Likeness whole = detect::likeness(picture.blocks, picture);
   // Five of 25 cells hold a child; a cell is 18 texels wide, a block four.
   EXPECT_EQ(whole.patterned + whole.even, 23 * 23);
   EXPECT_GT(whole.patterned, 5 * 16);
   for (int turns = 1; turns < 4; ++turns) {
-    detect::Texels turned;
-    detect::turn(picture, turns, turned);
-    EXPECT_LT(detect::likeness(turned, picture, 7).patterned, whole.patterned / 2);
-    detect::Texels back;
+    detect::Blocks turned;
+    detect::turn(picture.blocks, turns, turned);
+    EXPECT_LT(detect::likeness(turned, picture).patterned, whole.patterned / 2);
+    detect::Blocks back;
     detect::turn(turned, 4 - turns, back);
-    EXPECT_EQ(back, picture);
+    EXPECT_EQ(back.texels, picture.blocks.texels);
   }
   // The right half is covered, then beyond the image.
   for (const float hidden : {0.5F, std::numeric_limits<float>::quiet_NaN()}) {
-    detect::Texels half = picture;
+    detect::Texels half = texels;
     for (int row = 0; row < detect::kTexelsAcross; ++row)
       for (int column = detect::kTexelsAcross / 2; column < detect::kTexelsAcross; ++column)
         half[detect::texel_index(row, column)] = hidden;
-    const detect::Likeness left = detect::likeness(half, picture, 7);
+    detect::Blocks seen;
+    detect::cut(half, 7, seen);
+    const detect::Likeness left = detect::likeness(seen, picture);
     EXPECT_NEAR(left.patterned, whole.patterned / 2, whole.patterned / 5);
     EXPECT_GT(left.patterned, 0);
   }
+}
+
+TEST(Likeness, TurnsBlocksAsTheSquareIsTurned) {
+  detect::Texels texels(detect::texel_index(detect::kTexelsAcross, 0));
+  for (std::size_t i = 0; i < texels.size(); ++i)
+    texels[i] = static_cast<float>(i % 61) / 61.0F + static_cast<float>(i % 17) / 17.0F;
+  constexpr int kLast = detect::kTexelsAcross - 1;
+  for (const int cells : {6, 7, 8, 11}) {
+    detect::Blocks blocks;
+    detect::cut(texels, cells, blocks);
+    detect::Texels quarter(texels.size());
+    for (int row = 0; row <= kLast; ++row)
+      for (int column = 0; column <= kLast; ++column)
+        quarter[detect::texel_index(row, column)] =
+            texels[detect::texel_index(column, kLast - row)];
+    detect::Blocks expected;
+    detect::cut(quarter, cells, expected);
+    detect::Blocks turned;
+    detect::turn(blocks, 1, turned);
+    EXPECT_EQ(turned.across, expected.across) << cells;
+    EXPECT_EQ(turned.texels, expected.texels) << cells;
+  }
+}
+
+// A cell of such a marker is sixteen texels wide, four blocks.
+TEST(Likeness, SeesThePatternOfSixBySixCells) {
+  MarkerSet set = layers(1);
+  set.cells = 6;
+  set.parents[0].marker.code = parse_code("110100101101001010110101001011011010");
+  const auto blurred = blurred_picture(set);
+  EXPECT_GT(detect::likeness(blurred.picture.blocks, blurred.picture).patterned, 100);
 }
 
 TEST(Likeness, UnwarpsTheImageAsTheRegistrationSays) {
@@ -349,10 +387,13 @@ TEST(Likeness, UnwarpsTheImageAsTheRegistrationSays) {
   detect::Pyramid pyramid;
   pyramid.build(image.view());
   detect::Unwarped unwarped;
-  detect::unwarp(pyramid, detect::Lens(), *registration, unwarped);
-  detect::Texels picture;
-  detect::smooth(detect::picture_of(InkMap(set, 0)), unwarped.blur, picture);
-  const detect::Likeness likeness = detect::likeness(unwarped.texels, picture, 7);
+  detect::unwarp(pyramid, detect::Lens(), *registration, 7, unwarped);
+  detect::Blocks seen;
+  detect::cut(unwarped.texels, 7, seen);
+  detect::Texels texels;
+  detect::BlurredPicture picture;
+  detect::blur_picture(detect::picture_of(InkMap(set, 0)), unwarped.blur, 7, texels, picture);
+  const detect::Likeness likeness = detect::likeness(seen, picture);
   EXPECT_GT(likeness.patterned + likeness.even, 0.97 * 23 * 23);
 }
 
@@ -366,14 +407,13 @@ TEST(CellVotes, SpeakForTheMarkerOnlyIfItIsTheOne) {
     children.push_back({marker.origin_m / texel, marker.side_m / texel, 7});
     black += marker.code.black_count();
   }
-  const detect::Texels picture = blurred_picture(set);
+  const detect::Texels picture = blurred_picture(set).texels;
   const detect::CellVotes own = detect::cell_votes(picture, picture, children);
   EXPECT_EQ(own.predicted, black);
   EXPECT_EQ(own.confirmed, black);
   EXPECT_EQ(own.wrong, 0);
   // Children turned by a half are others.
-  detect::Texels turned;
-  detect::turn(picture, 2, turned);
+  const detect::Texels turned(picture.rbegin(), picture.rend());
   const detect::CellVotes others = detect::cell_votes(turned, picture, children);
   EXPECT_LT(others.confirmed, black / 2);
   EXPECT_GT(others.wrong, others.confirmed);
@@ -489,6 +529,37 @@ TEST(Covered, HalfWillDoAtTheImagesBorderToo) {
   const Survivors many = cover_and_look(0.5, 1000, 12, 1.75);
   EXPECT_GE(many.right, 10);
   EXPECT_EQ(many.wrong, 0);
+}
+
+// As those of AprilTag 36h11.
+TEST(Covered, MarkersOfSixBySixCellsToo) {
+  MarkerSet set = layers(1);
+  set.cells = 6;
+  set.parents[0].marker.code = parse_code("110101110110000010100111010100001101");
+  lab::Scene scene;
+  scene.camera = Camera::pinhole(750, 480, 700.0);
+  Detector detector(set, scene.camera);
+  for (std::uint64_t frame = 0; frame < 5; ++frame) {
+    const auto turn = static_cast<double>(frame);
+    scene.parents = {{0, lab::look_at_marker({0.5, 0.5}, 2.2 + 0.5 * turn, 25 * kDegree, 0.7 * turn,
+                                             0.4 * turn)}};
+    lab::FloatImage exact = lab::render_exact(scene, set);
+    std::mt19937_64 random(frame);
+    lab::draw_blobs(exact, lab::cover(1.0, 0.3, 1000, random), scene.camera,
+                    scene.parents[0].camera_T_marker, 0.6);
+    const auto detections = detector.detect(lab::expose(exact, 2.0, frame).view());
+    ASSERT_EQ(detections.size(), 1U) << frame;
+    EXPECT_LT(detections[0].visible, 1.0) << frame;
+    for (std::size_t i = 0; i < 4; ++i) {
+      const Vector2d corner = detector.placed()[0].corners_m()[i];
+      const Eigen::Vector3d point(corner.x(), corner.y(), 0.0);
+      EXPECT_LT((detections[0].corners[i] -
+                 *scene.camera.project(scene.parents[0].camera_T_marker * point))
+                    .norm(),
+                1.0)
+          << frame;
+    }
+  }
 }
 
 // The other code differs in five cells. Their edges show that nothing covers them.

@@ -118,8 +118,10 @@ struct DetectorStatistics {
   double noise = 0.0;     ///< standard deviation in grey levels, from the evenest parts
   std::size_t quads = 0;  ///< quadrilaterals found
 
-  /// There were more quads than a frame's budget, which is 300 and one for every 1000 pixels: only
-  /// the largest ones were looked at. Tiled walls and pages of print do that.
+  /// There was more to look at than a frame's budget allows, and only the largest or most promising
+  /// was: 300 quads and one for every 1000 pixels, or, where covered markers are looked for, 4
+  /// squares and one for every 400 000 pixels, at most 12, of which 4 may turn out to look like a
+  /// marker. Tiled walls and pages of print do that.
   bool budget_reached = false;
 };
 

@@ -5,13 +5,12 @@ namespace {
 
 // The shortest straight edge that tells something, in pixels of the half picture.
 constexpr double kLeastSegment = 6.0;
-// How many squares are tried in a frame.
-constexpr std::size_t kMostSquares = 12;
 
 }  // namespace
 
 std::vector<SideQuad> CoveredSquares::find(const Pyramid& image, const Lens& lens,
                                            double least_side_px, int least_contrast,
+                                           std::size_t most,
                                            const std::optional<Eigen::Matrix3d>& calibration,
                                            Workers& workers, DetectionTrace* trace) {
   if (image.levels() < 2) return {};
@@ -28,7 +27,7 @@ std::vector<SideQuad> CoveredSquares::find(const Pyramid& image, const Lens& len
     segment.b = *b;
     segments_.push_back(segment);
   }
-  return side_quads(segments_, least_side_px, kMostSquares, calibration);
+  return side_quads(segments_, least_side_px, most, calibration);
 }
 
 }  // namespace harco::detect

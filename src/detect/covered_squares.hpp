@@ -20,11 +20,13 @@ namespace harco::detect {
 /// texture there is a quarter.
 class CoveredSquares {
  public:
-  /// The most promising ones, in pixels of the ideal camera. With a calibration, three sides do.
+  /// The most promising ones, at most `most`, in pixels of the ideal camera. With a calibration,
+  /// three sides do.
   /// `least_contrast` (grey levels) has to lie between both sides of what is taken for an edge.
   std::vector<SideQuad> find(const Pyramid& image, const Lens& lens, double least_side_px,
-                             int least_contrast, const std::optional<Eigen::Matrix3d>& calibration,
-                             Workers& workers, DetectionTrace* trace = nullptr);
+                             int least_contrast, std::size_t most,
+                             const std::optional<Eigen::Matrix3d>& calibration, Workers& workers,
+                             DetectionTrace* trace = nullptr);
 
  private:
   SegmentFinder finder_;

@@ -11,13 +11,11 @@
 
 #include "detect/cells.hpp"
 #include "detect/codebook.hpp"
-#include "detect/covered_squares.hpp"
+#include "detect/covered_markers.hpp"
 #include "detect/edges.hpp"
 #include "detect/lens.hpp"
 #include "detect/prediction.hpp"
-#include "detect/pyramid.hpp"
 #include "detect/quad.hpp"
-#include "detect/recovery.hpp"
 #include "detect/relations.hpp"
 #include "detect/shapes.hpp"
 #include "detect/square_homography.hpp"
@@ -50,8 +48,6 @@ constexpr double kLeastShadedSide = 28.0;
 
 // The smallest side of a partly covered marker, in pixels.
 constexpr double kLeastCoveredSide = 80.0;
-// Squares whose corners lie no farther apart than this share of their side are one.
-constexpr double kSameSquare = 0.02;
 
 const DetectorOptions& checked(const DetectorOptions& options) {
   if (!(options.min_side_px >= 4.0) || !std::isfinite(options.min_side_px))
@@ -150,8 +146,7 @@ struct Detector::Impl {
     predicted = predicted_cells(markers);
     lens = detect::Lens(options.camera);
     scratch.resize(workers.count());
-    for (std::size_t i = 0; i < workers.count(); ++i)
-      recoveries.emplace_back(markers, placed, predicted);
+    covered.emplace(markers, placed, predicted, workers.count());
     for (const bool children : {false, true})
       for (int n = Code::kMinCells; n <= Code::kMaxCells; ++n) {
         Codebook book(n, placed, children);
@@ -213,9 +208,8 @@ struct Detector::Impl {
   std::vector<bool> explained, present;
   bool explaining = false;  // somebody wants to know what was seen
   DetectorStatistics statistics;
-  detect::Pyramid pyramid;
-  detect::CoveredSquares covered;
-  std::vector<detect::Recovery> recoveries;  // of each of those who work
+  std::optional<detect::CoveredMarkers> covered;
+  std::vector<Quad> squares, taken;
 };
 
 void Detector::Impl::find_shapes(const ImageView& image, DetectionTrace* trace) {
@@ -506,46 +500,32 @@ bool Detector::Impl::add_recovered(const detect::Recovered& recovered) {
 
 /// Looks for layer-1 markers that were not found whole.
 void Detector::Impl::recover(const ImageView& image, DetectionTrace* trace) {
-  std::vector<Quad> quads;
+  squares.clear();
   for (const Candidate& candidate : candidates) {
     const bool legible = candidate.rejection == Rejection::none ||
                          candidate.rejection == Rejection::shape ||
                          candidate.rejection == Rejection::edges;
-    if (candidate.hole || legible) continue;
-    quads.push_back(candidate.corners);
+    if (!candidate.hole && !legible) squares.push_back(candidate.corners);
   }
-  pyramid.build(image);
-  std::optional<Eigen::Matrix3d> calibration;
+  detect::CoveredSearch search;
+  search.least_side_px = std::max(kLeastCoveredSide, options.min_side_px);
+  search.least_contrast = detect::contrast_above_noise(statistics.noise);
   if (options.camera) {
-    calibration = options.camera->matrix();
-    calibration->topRightCorner<2, 1>() -= origin;
+    search.calibration = options.camera->matrix();
+    search.calibration->topRightCorner<2, 1>() -= origin;
   }
-  const double least_side = std::max(kLeastCoveredSide, options.min_side_px);
-  const int contrast = detect::contrast_above_noise(statistics.noise);
-  for (const detect::SideQuad& quad :
-       covered.find(pyramid, lens, least_side, contrast, calibration, workers, trace))
-    quads.push_back(quad.corners);
-  std::erase_if(quads, [&](const Quad& quad) { return detect::mean_side(quad) < least_side; });
-
-  quads = detect::different(quads, kSameSquare);
-  std::vector<std::optional<detect::Recovered>> recovered(quads.size());
-  workers.share(quads.size(), [&](std::size_t i, std::size_t worker) {
-    recovered[i] = recoveries[worker].at(pyramid, lens, quads[i]);
-  });
-  std::erase_if(recovered,
-                [&](const auto& one) { return !one || one->quality < options.min_quality; });
+  const auto& recovered = covered->find(image, lens, search, squares, workers, trace);
+  statistics.budget_reached |= covered->budget_reached();
   // Of those that overlap, the one stands that explains most of the image.
-  std::stable_sort(recovered.begin(), recovered.end(), [](const auto& a, const auto& b) {
-    return a->likeness.sum() > b->likeness.sum();
-  });
-  std::vector<Quad> taken;
-  for (const auto& one : recovered) {
-    const Quad corners = detect::corners_of(one->registration.image_H_unit);
+  taken.clear();
+  for (const detect::Recovered& one : recovered) {
+    const Quad corners = detect::corners_of(one.registration.image_H_unit);
     const bool overlaps = std::any_of(taken.begin(), taken.end(), [&](const Quad& other) {
       return detect::contains(other, detect::centre(corners)) ||
              detect::contains(corners, detect::centre(other));
     });
-    if (!overlaps && add_recovered(*one)) taken.push_back(corners);
+    if (overlaps || one.quality < options.min_quality) continue;
+    if (add_recovered(one)) taken.push_back(corners);
   }
 }
 

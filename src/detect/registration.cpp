@@ -25,6 +25,7 @@ constexpr int kMostAlongBorder = 32;  // samples along a side of the square,
 constexpr int kMostAlong = 8;         // and along any other edge
 constexpr double kLeastBand = 2.0;    // pixels; black and white narrower than that aren't compared
 constexpr double kLeastLength = 3.0;  // pixels, of an edge
+constexpr double kMostReach = 8.0;    // pixels from where an edge is looked for to where it is
 constexpr double kDeep = 2.0;         // pixels beside the edge where its levels are read
 constexpr double kPlace = 0.8;        // pixels that a seen edge may lie beside its place
 constexpr double kLevelSlack = 0.35;  // of the contrast, that its levels may be off
@@ -92,70 +93,95 @@ void append_probes(const Map& map, const TemplateEdge& edge, int most, std::vect
   }
 }
 
-/// Grey values across a probe, from -(reach + below) to reach + above.
+/// Grey values across a probe, in steps of kStep from -(reach + below) to reach + above.
 class Profile {
  public:
   Profile(const ImageView& image, const Lens& lens, const Probe& probe, double reach)
-      : below_(std::min(kDeep, 0.55 * probe.black)),
-        above_(std::min(kDeep, 0.55 * probe.white)),
-        reach_(std::min(reach, std::max(kPlace, 0.5 * std::min(probe.black, probe.white)))) {
-    first_ = -static_cast<int>(std::ceil((reach_ + below_) / kStep));
-    const int last = static_cast<int>(std::ceil((reach_ + above_) / kStep));
-    count_ = std::min(last - first_ + 1, static_cast<int>(grey_.size()));
-    for (int k = 0; k < count_; ++k) {
-      const auto pixel = lens.from_ideal(probe.place + (first_ + k) * kStep * probe.to_white);
-      const auto value = pixel ? sample(image, pixel->x(), pixel->y()) : std::nullopt;
-      if (!value) return;
-      grey_[static_cast<std::size_t>(k)] = *value;
-    }
-    whole_ = true;
+      : below_(steps(std::min(kDeep, 0.55 * probe.black))),
+        above_(steps(std::min(kDeep, 0.55 * probe.white))),
+        reach_(steps(std::min(reach, std::max(kPlace, 0.5 * std::min(probe.black, probe.white))))),
+        zero_(reach_ + below_),
+        count_(2 * reach_ + below_ + above_ + 1) {
+    whole_ = lens.bends() ? read_bent(image, lens, probe) : read(image, probe);
   }
 
   bool whole() const { return whole_; }
 
   /// The strongest rise.
   std::optional<Step> strongest() const {
-    Step best;
+    int best = 0;
     double most = kMinContrast;
-    for (double o = -reach_; o <= reach_; o += kStep) {
-      const double rise = at(o + above_) - at(o - below_);
+    for (int k = -reach_; k <= reach_; ++k) {
+      const double rise = value(k + above_) - value(k - below_);
       if (rise > most) {
         most = rise;
-        best = {o, at(o - below_), at(o + above_)};
+        best = k;
       }
     }
     if (most <= kMinContrast) return std::nullopt;
-    return crossing(best.offset - 1.0, best.offset + 1.0, 0.5 * (best.dark + best.bright));
+    return crossing(best - kNear, best + kNear,
+                    0.5 * (value(best - below_) + value(best + above_)));
   }
 
   /// The rise through `middle` that is nearest to the probe.
-  std::optional<Step> crossing(double from, double to, double middle) const {
-    std::optional<Step> nearest;
-    for (double o = std::max(-reach_, from); o < std::min(reach_, to); o += kStep) {
-      const double low = at(o);
-      const double high = at(o + kStep);
-      if (!(low < middle && high >= middle)) continue;
-      const double offset = o + kStep * (middle - low) / (high - low);
-      if (nearest && std::abs(nearest->offset) <= std::abs(offset)) continue;
-      nearest = Step{offset, at(offset - below_), at(offset + above_)};
-    }
-    return nearest;
-  }
   std::optional<Step> crossing(double middle) const { return crossing(-reach_, reach_, middle); }
 
  private:
-  double at(double offset) const {
-    const double k = std::clamp(offset / kStep - first_, 0.0, count_ - 1.0);
-    const int low = std::min(static_cast<int>(k), count_ - 2);
-    const double share = k - low;
-    const auto i = static_cast<std::size_t>(low);
-    return grey_[i] + share * (grey_[i + 1] - grey_[i]);
+  static constexpr int kMost = 1 + static_cast<int>(2.0 * (kMostReach + kDeep) / kStep);  // samples
+  static constexpr int kNear = 2;  // steps from the strongest rise to where it crosses the middle
+
+  static int steps(double offset) { return static_cast<int>(std::lround(offset / kStep)); }
+
+  bool read(const ImageView& image, const Probe& probe) {
+    const Eigen::Vector2f step = (kStep * probe.to_white).cast<float>();
+    const Eigen::Vector2f first = (probe.place - zero_ * kStep * probe.to_white).cast<float>();
+    const Eigen::Vector2f last = first + static_cast<float>(count_ - 1) * step;
+    if (!among_pixels(image, first.x(), first.y()) || !among_pixels(image, last.x(), last.y()))
+      return false;
+    for (int k = 0; k < count_; ++k) {
+      const auto along = static_cast<float>(k);
+      grey_[static_cast<std::size_t>(k)] =
+          sample_among(image, first.x() + along * step.x(), first.y() + along * step.y());
+    }
+    return true;
   }
 
-  double below_, above_, reach_;
-  int first_ = 0;
-  int count_ = 0;
-  std::array<double, 48> grey_{};
+  bool read_bent(const ImageView& image, const Lens& lens, const Probe& probe) {
+    for (int k = 0; k < count_; ++k) {
+      const auto pixel = lens.from_ideal(probe.place + (k - zero_) * kStep * probe.to_white);
+      const auto value = pixel ? sample(image, pixel->x(), pixel->y()) : std::nullopt;
+      if (!value) return false;
+      grey_[static_cast<std::size_t>(k)] = static_cast<float>(*value);
+    }
+    return true;
+  }
+
+  std::optional<Step> crossing(int from, int to, double middle) const {
+    std::optional<double> nearest;
+    for (int k = std::max(-reach_, from); k < std::min(reach_, to); ++k) {
+      const double low = value(k);
+      const double high = value(k + 1);
+      if (!(low < middle && high >= middle)) continue;
+      const double offset = k + (middle - low) / (high - low);
+      if (!nearest || std::abs(offset) < std::abs(*nearest)) nearest = offset;
+    }
+    if (!nearest) return std::nullopt;
+    return Step{*nearest * kStep, between(*nearest - below_), between(*nearest + above_)};
+  }
+
+  /// So many steps from the probe.
+  double value(int steps) const {
+    return static_cast<double>(grey_[static_cast<std::size_t>(zero_ + steps)]);
+  }
+  double between(double steps) const {
+    const int low = std::clamp(static_cast<int>(std::floor(steps)), -zero_, count_ - zero_ - 2);
+    return value(low) + (steps - low) * (value(low + 1) - value(low));
+  }
+
+  int below_, above_, reach_;  // steps
+  int zero_;                   // the sample at the probe
+  int count_;                  // samples
+  std::array<float, kMost> grey_;
   bool whole_ = false;
 };
 
@@ -341,15 +367,14 @@ std::optional<Registration> fit_border(const ImageView& image, const Lens& lens,
                                        int cells) {
   const std::vector<TemplateEdge> sides = outline(cells);
   const double side = mean_side(quad);
-  const double first_reach = std::clamp(0.025 * side, 2.0, 8.0);
+  const double first_reach = std::clamp(0.025 * side, 2.0, kMostReach);
   Registration registration;
   registration.image_H_unit = square_homography(quad);
   std::optional<LightLevels> levels;
   Normal8 normal;
   double variance = 0.0;
-  constexpr int kRounds = 5;
-  for (int round = 0; round < kRounds; ++round) {
-    const double reach = std::max(1.0, first_reach * std::pow(0.5, round));
+  for (const double share : {1.0, 0.4, 0.15}) {
+    const double reach = std::max(1.0, share * first_reach);
     const std::vector<Match> matches =
         find_steps(image, lens, registration.image_H_unit, sides, kMostAlongBorder, reach,
                    kLeastBorderSeen, levels ? &*levels : nullptr);

