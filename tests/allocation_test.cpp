@@ -1,14 +1,17 @@
 // Once its memory has grown, the detector allocates nothing.
+#include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
 #include <new>
+#include <random>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "harco/harco.hpp"
+#include "lab/blobs.hpp"
 #include "lab/render.hpp"
 
 namespace {
@@ -48,13 +51,6 @@ MarkerSet marker_set(int layers) {
   return build_markers(generate_dictionary(options), 1.6);
 }
 
-/// Nobody looks for covered markers: that does allocate.
-DetectorOptions whole_only() {
-  DetectorOptions options;
-  options.covered = false;
-  return options;
-}
-
 /// Allocations of one more frame after two alike.
 long allocations_in(Detector& detector, const Image& image, std::vector<Detection>& detections) {
   detector.detect(image.view(), detections);
@@ -75,7 +71,7 @@ TEST(Allocations, AreNoneInFramesWithMarkers) {
   const MarkerSet set = marker_set(3);
   lab::Scene scene;
   scene.camera = Camera::pinhole(750, 480, 700.0);
-  Detector detector(set, whole_only());
+  Detector detector(set);
   std::vector<Detection> detections;
   for (const double distance : {0.5, 2.0, 6.0}) {
     scene.parents = {{0, lab::look_at_marker({0.8, 0.8}, distance, 0.3, 0.4, 0.5)}};
@@ -86,13 +82,35 @@ TEST(Allocations, AreNoneInFramesWithMarkers) {
 }
 
 TEST(Allocations, AreNoneInFramesOfNoise) {
-  Detector detector(marker_set(2), whole_only());
+  Detector detector(marker_set(2));
   Image image(640, 480, 0);
   std::uint32_t state = 1;
   for (std::uint8_t& pixel : image.pixels)
     pixel = static_cast<std::uint8_t>((state = state * 1664525U + 1013904223U) >> 24);
   std::vector<Detection> detections;
   EXPECT_EQ(allocations_in(detector, image, detections), 0);
+}
+
+TEST(Allocations, AreNoneInFramesWithCoveredMarkers) {
+  const MarkerSet set = marker_set(3);
+  lab::Scene scene;
+  scene.camera = Camera::pinhole(750, 480, 700.0);
+  DetectorOptions options;
+  options.camera = scene.camera;
+  Detector detector(set, options);
+  std::vector<Detection> detections;
+  for (const double distance : {3.0, 4.5, 9.0}) {
+    scene.parents = {{0, lab::look_at_marker({0.8, 0.8}, distance, 0.3, 0.4, 0.5)}};
+    lab::FloatImage exact = lab::render_exact(scene, set);
+    std::mt19937_64 random(11);
+    lab::draw_blobs(exact, lab::cover(1.6, 0.5, 1000, random), scene.camera,
+                    scene.parents[0].camera_T_marker, 0.6);
+    const Image image = lab::expose(exact, 2.0, 3);
+    EXPECT_EQ(allocations_in(detector, image, detections), 0) << distance;
+    EXPECT_TRUE(std::any_of(detections.begin(), detections.end(), [](const Detection& detection) {
+      return detection.visible < 1.0;
+    })) << distance;
+  }
 }
 
 /// Who of several threads gets which part of a frame is chance, so each one's memory may take some
@@ -104,7 +122,7 @@ TEST(Allocations, EndWithSeveralThreadsToo) {
   scene.camera = Camera::pinhole(750, 480, 700.0);
   scene.parents = {{0, lab::look_at_marker({0.8, 0.8}, 2.0, 0.3, 0.4, 0.5)}};
   const Image image = lab::render(scene, set, 1);
-  DetectorOptions options = whole_only();
+  DetectorOptions options;
   options.threads = 2;
   Detector detector(set, options);
   std::vector<Detection> detections;

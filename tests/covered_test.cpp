@@ -175,9 +175,15 @@ double worst_corner(const detect::Quad& a, const detect::Quad& b) {
   return best;
 }
 
+std::vector<detect::SideQuad> side_quads(const std::vector<Segment>& segments, double least_side_px,
+                                         std::size_t most,
+                                         const std::optional<Eigen::Matrix3d>& calibration) {
+  return detect::SideQuadFinder().find(segments, least_side_px, most, calibration);
+}
+
 TEST(SideQuads, PartsOfFourSidesMakeASquare) {
   const detect::Quad quad{{{100, 100}, {300, 120}, {280, 310}, {90, 290}}};
-  const auto quads = detect::side_quads(
+  const auto quads = side_quads(
       parts(quad, {{0, 0.1, 0.3}, {0, 0.6, 0.7}, {1, 0.2, 0.5}, {2, 0.5, 0.9}, {3, 0.3, 0.6}}),
       40.0, 10, std::nullopt);
   ASSERT_FALSE(quads.empty());
@@ -188,9 +194,9 @@ TEST(SideQuads, PartsOfFourSidesMakeASquare) {
 TEST(SideQuads, SidesOfOneSquareAreInOneLight) {
   const detect::Quad quad{{{100, 100}, {300, 120}, {280, 310}, {90, 290}}};
   auto seen = parts(quad, {{0, 0.1, 0.5}, {1, 0.2, 0.5}, {2, 0.5, 0.9}, {3, 0.3, 0.6}});
-  EXPECT_FALSE(detect::side_quads(seen, 40.0, 10, std::nullopt).empty());
+  EXPECT_FALSE(side_quads(seen, 40.0, 10, std::nullopt).empty());
   seen[2].dark = 110.0;
-  EXPECT_TRUE(detect::side_quads(seen, 40.0, 10, std::nullopt).empty());
+  EXPECT_TRUE(side_quads(seen, 40.0, 10, std::nullopt).empty());
 }
 
 // As along the squares of a chessboard.
@@ -198,10 +204,10 @@ TEST(SideQuads, TheDarkLiesInsideAllAlong) {
   const detect::Quad quad{{{100, 100}, {300, 120}, {280, 310}, {90, 290}}};
   auto seen =
       parts(quad, {{0, 0.1, 0.3}, {0, 0.5, 0.7}, {1, 0.2, 0.5}, {2, 0.5, 0.9}, {3, 0.3, 0.6}});
-  EXPECT_FALSE(detect::side_quads(seen, 40.0, 10, std::nullopt).empty());
+  EXPECT_FALSE(side_quads(seen, 40.0, 10, std::nullopt).empty());
   const Point way = quad[1] - quad[0];
   seen.push_back({quad[0] + 0.5 * way, quad[0] + 0.3 * way, 30.0, 200.0});
-  EXPECT_TRUE(detect::side_quads(seen, 40.0, 10, std::nullopt).empty());
+  EXPECT_TRUE(side_quads(seen, 40.0, 10, std::nullopt).empty());
 }
 
 TEST(SideQuads, AreToldOnce) {
@@ -209,7 +215,7 @@ TEST(SideQuads, AreToldOnce) {
   auto seen = parts(quad, {{0, 0.1, 0.5}, {1, 0.2, 0.5}, {2, 0.5, 0.9}, {3, 0.3, 0.6}});
   // Two edges three pixels apart make two lines, and squares that are nearly one.
   seen.push_back({seen[0].a + Point(0, 3), seen[0].b + Point(0, 3), 30.0, 200.0});
-  EXPECT_EQ(detect::side_quads(seen, 40.0, 10, std::nullopt).size(), 1U);
+  EXPECT_EQ(side_quads(seen, 40.0, 10, std::nullopt).size(), 1U);
 }
 
 TEST(SideQuads, TheCameraCompletesASquareOfThreeSides) {
@@ -220,8 +226,8 @@ TEST(SideQuads, TheCameraCompletesASquareOfThreeSides) {
   for (std::size_t i = 0; i < 4; ++i)
     quad[i] = *camera.project(pose * Eigen::Vector3d(square[i].x(), square[i].y(), 0.0));
   const auto seen = parts(quad, {{3, 0.2, 0.9}, {0, 0.1, 0.8}, {1, 0.1, 0.6}});
-  EXPECT_TRUE(detect::side_quads(seen, 40.0, 10, std::nullopt).empty());
-  const auto quads = detect::side_quads(seen, 40.0, 10, camera.matrix());
+  EXPECT_TRUE(side_quads(seen, 40.0, 10, std::nullopt).empty());
+  const auto quads = side_quads(seen, 40.0, 10, camera.matrix());
   ASSERT_FALSE(quads.empty());
   EXPECT_LT(worst_corner(quads.front().corners, quad), 1e-6);
 }
@@ -382,7 +388,8 @@ TEST(Likeness, UnwarpsTheImageAsTheRegistrationSays) {
   for (std::size_t i = 0; i < 4; ++i)
     quad[i] = *scene.camera.project(scene.parents[0].camera_T_marker *
                                     Eigen::Vector3d(square[i].x(), square[i].y(), 0.0));
-  const auto registration = detect::fit_border(image.view(), detect::Lens(), quad, 7);
+  detect::FitMemory memory;
+  const auto registration = detect::fit_border(image.view(), detect::Lens(), quad, 7, memory);
   ASSERT_TRUE(registration);
   detect::Pyramid pyramid;
   pyramid.build(image.view());
@@ -529,6 +536,21 @@ TEST(Covered, HalfWillDoAtTheImagesBorderToo) {
   const Survivors many = cover_and_look(0.5, 1000, 12, 1.75);
   EXPECT_GE(many.right, 10);
   EXPECT_EQ(many.wrong, 0);
+}
+
+// One black square without cells, and more than are looked at.
+TEST(Covered, ThereIsABudgetOfSquares) {
+  Detector detector(layers(1));
+  for (const int count : {1, 12}) {
+    Image image(750, 480, 200);
+    for (int i = 0; i < count; ++i) {
+      const int left = 40 + 170 * (i % 4);
+      const int top = 30 + 150 * (i / 4);
+      cover_with(image, left, top, left + 110, top + 110, 30);
+    }
+    EXPECT_TRUE(detector.detect(image.view()).empty());
+    EXPECT_EQ(detector.statistics().budget_reached, count > 1) << count;
+  }
 }
 
 // As those of AprilTag 36h11.

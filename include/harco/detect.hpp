@@ -156,8 +156,8 @@ class Detector {
                                 DetectionTrace* trace = nullptr);
 
   /// The same into a vector that is used again and again. Once it and the detector's own memory
-  /// have grown as large as frames of a kind need, nothing is allocated any more, except where
-  /// partly covered markers are looked for (DetectorOptions::covered).
+  /// have grown as large as frames of a kind need, nothing is allocated any more. (Of a layer-1
+  /// marker that may be seen in part, a picture is made when that happens first.)
   void detect(const ImageView& image, std::vector<Detection>& detections);
 
   const DetectorStatistics& statistics() const;  ///< of the last frame

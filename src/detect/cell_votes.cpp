@@ -1,6 +1,7 @@
 #include "detect/cell_votes.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace harco::detect {
@@ -15,6 +16,9 @@ constexpr float kAgrees = 0.2F;
 constexpr int kFor = 5;
 constexpr int kAgainst = 6;
 
+/// Of a child's cells, row-first.
+using Greys = std::array<float, (Code::kMaxCells + 2) * (Code::kMaxCells + 2)>;
+
 float texel_at(const Texels& texels, double x, double y) {
   const int column = std::clamp(static_cast<int>(x), 0, kTexelsAcross - 2);
   const int row = std::clamp(static_cast<int>(y), 0, kTexelsAcross - 2);
@@ -27,9 +31,9 @@ float texel_at(const Texels& texels, double x, double y) {
 }
 
 /// The mean of four places around the middle of each cell, row-first.
-void read(const Texels& texels, const CellSquare& square, std::vector<float>& values) {
+void read(const Texels& texels, const CellSquare& square, Greys& greys) {
   const double cell = square.side / square.cells;
-  values.clear();
+  std::size_t next = 0;
   for (int row = 0; row < square.cells; ++row)
     for (int column = 0; column < square.cells; ++column) {
       const Eigen::Vector2d middle =
@@ -38,7 +42,7 @@ void read(const Texels& texels, const CellSquare& square, std::vector<float>& va
       for (const double dy : {-0.2, 0.2})
         for (const double dx : {-0.2, 0.2})
           sum += texel_at(texels, middle.x() + dx * cell - 0.5, middle.y() + dy * cell - 0.5);
-      values.push_back(0.25F * sum);
+      greys[next++] = 0.25F * sum;
     }
 }
 
@@ -47,8 +51,8 @@ void read(const Texels& texels, const CellSquare& square, std::vector<float>& va
 CellVotes cell_votes(const Texels& image, const Texels& picture,
                      const std::vector<CellSquare>& children) {
   CellVotes votes;
-  std::vector<float> seen;
-  std::vector<float> expected;
+  Greys seen{};
+  Greys expected{};
   for (const CellSquare& child : children) {
     read(image, child, seen);
     read(picture, child, expected);

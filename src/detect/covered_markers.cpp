@@ -89,7 +89,7 @@ const std::vector<Recovered>& CoveredMarkers::find(const ImageView& image, const
   pyramid_.build(image);
   const std::size_t most = std::min(kLeastSquares + pixels / kPixelsASquare, kMostSquares);
   // One more tells whether there are more.
-  const std::vector<SideQuad> seen =
+  const std::vector<SideQuad>& seen =
       covered_.find(pyramid_, lens, search.least_side_px, search.least_contrast, most + 1,
                     search.calibration, workers, trace);
   choose_squares(quads, seen, search.least_side_px, most);

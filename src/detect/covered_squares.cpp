@@ -8,14 +8,14 @@ constexpr double kLeastSegment = 6.0;
 
 }  // namespace
 
-std::vector<SideQuad> CoveredSquares::find(const Pyramid& image, const Lens& lens,
-                                           double least_side_px, int least_contrast,
-                                           std::size_t most,
-                                           const std::optional<Eigen::Matrix3d>& calibration,
-                                           Workers& workers, DetectionTrace* trace) {
-  if (image.levels() < 2) return {};
+const std::vector<SideQuad>& CoveredSquares::find(const Pyramid& image, const Lens& lens,
+                                                  double least_side_px, int least_contrast,
+                                                  std::size_t most,
+                                                  const std::optional<Eigen::Matrix3d>& calibration,
+                                                  Workers& workers, DetectionTrace* trace) {
   segments_.clear();
-  for (const Segment& seen : finder_.find(image.level(1), kLeastSegment, least_contrast, workers)) {
+  const ImageView half = image.levels() < 2 ? ImageView() : image.level(1);
+  for (const Segment& seen : finder_.find(half, kLeastSegment, least_contrast, workers)) {
     Segment segment = seen;
     segment.a = Pyramid::in_whole(seen.a, 1);
     segment.b = Pyramid::in_whole(seen.b, 1);
@@ -27,7 +27,7 @@ std::vector<SideQuad> CoveredSquares::find(const Pyramid& image, const Lens& len
     segment.b = *b;
     segments_.push_back(segment);
   }
-  return side_quads(segments_, least_side_px, most, calibration);
+  return side_quads_.find(segments_, least_side_px, most, calibration);
 }
 
 }  // namespace harco::detect

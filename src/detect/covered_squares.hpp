@@ -21,15 +21,16 @@ namespace harco::detect {
 class CoveredSquares {
  public:
   /// The most promising ones, at most `most`, in pixels of the ideal camera. With a calibration,
-  /// three sides do.
+  /// three sides do. Valid until the next call.
   /// `least_contrast` (grey levels) has to lie between both sides of what is taken for an edge.
-  std::vector<SideQuad> find(const Pyramid& image, const Lens& lens, double least_side_px,
-                             int least_contrast, std::size_t most,
-                             const std::optional<Eigen::Matrix3d>& calibration, Workers& workers,
-                             DetectionTrace* trace = nullptr);
+  const std::vector<SideQuad>& find(const Pyramid& image, const Lens& lens, double least_side_px,
+                                    int least_contrast, std::size_t most,
+                                    const std::optional<Eigen::Matrix3d>& calibration,
+                                    Workers& workers, DetectionTrace* trace = nullptr);
 
  private:
   SegmentFinder finder_;
+  SideQuadFinder side_quads_;
   std::vector<Segment> segments_;
 };
 

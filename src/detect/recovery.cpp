@@ -253,7 +253,7 @@ void Recovery::compare(const Pyramid& image, const Lens& lens, Glimpse& glimpse)
 std::optional<Glimpse> Recovery::glimpse(const Pyramid& image, const Lens& lens, const Quad& quad,
                                          std::size_t size) {
   const Table& table = tables_[size];
-  const auto border = fit_border(image.level(0), lens, quad, table.cells + 2);
+  const auto border = fit_border(image.level(0), lens, quad, table.cells + 2, memory_);
   if (!border) return std::nullopt;
   Glimpse glimpse;
   glimpse.cells = table.cells;
@@ -303,7 +303,7 @@ std::optional<Recovered> Recovery::best_reading(const Pyramid& image, const Lens
     recovered.placed = placed_of_[reading.parent];
     recovered.registration = turned(glimpse.border, reading.turns);
     if (reading.likeness.sum() < kLeastOfBest * glimpse.sum() ||
-        !refine(whole, lens, description.edges, recovered.registration) ||
+        !refine(whole, lens, description.edges, recovered.registration, memory_) ||
         !well_known(recovered.registration)) {
       next = std::max(next, reading.likeness.sum());
       continue;
@@ -327,8 +327,8 @@ std::optional<Recovered> Recovery::best_reading(const Pyramid& image, const Lens
   best->lead = best->likeness.sum() - next;
   const int parent = placed_[static_cast<std::size_t>(best->placed)].parent_index;
   const Description& description = describe(static_cast<std::size_t>(parent));
-  best->evidence = gather(whole, lens, description.edges, best->registration);
-  best->foreign = gather(whole, lens, description.blank, best->registration).seen;
+  best->evidence = gather(whole, lens, description.edges, best->registration, memory_);
+  best->foreign = gather(whole, lens, description.blank, best->registration, memory_).seen;
   return best;
 }
 

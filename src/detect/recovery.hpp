@@ -109,6 +109,7 @@ class Recovery {
   std::vector<float> cells_;   // how white those of the square look
   std::vector<float> scores_;  // of all readings
   std::vector<Reading> readings_;
+  FitMemory memory_;
   Unwarped unwarped_;
   std::array<Blocks, 4> turned_;
   // Of a picture as blurred as the image.

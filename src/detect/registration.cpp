@@ -34,20 +34,6 @@ constexpr double kLeastBorderSeen = 0.08;   // of the outline's samples,
 constexpr double kLeastEdgesSeen = 0.03;    // and of all edges'
 constexpr std::size_t kFew = 12;            // samples that make no fit
 
-/// A place on an edge, as the image sees it.
-struct Probe {
-  Vector2d unit;
-  Vector2d place;                   // ideal pixels
-  Vector2d to_white;                // unit normal, ideal pixels
-  double black = 0.0, white = 0.0;  // how far even black and white reach, pixels
-};
-
-/// A step found near a probe.
-struct Step {
-  double offset = 0.0;  // pixels from the probe towards white
-  double dark = 0.0, bright = 0.0;
-};
-
 /// Homography with its derivative at a point.
 class Map {
  public:
@@ -193,17 +179,15 @@ bool fits(const Step& step, const LightLevels& levels, const Vector2d& unit) {
   return std::abs(step.dark - black) < slack && std::abs(step.bright - white) < slack;
 }
 
-struct Match {
-  Probe probe;
-  Step step;
-};
+using Match = FitMemory::Match;
 
 /// Levels that most matches agree on: medians, then planes through what is near them.
-std::optional<LightLevels> fit_levels(const std::vector<Match>& matches) {
+std::optional<LightLevels> fit_levels(FitMemory& memory) {
+  const std::vector<Match>& matches = memory.matches;
+  std::vector<double>& values = memory.values;
   if (matches.size() < kFew) return std::nullopt;
   const auto fit = [&](auto value_of) {
-    std::vector<double> values;
-    values.reserve(matches.size());
+    values.clear();
     for (const Match& match : matches) values.push_back(value_of(match));
     const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
     std::nth_element(values.begin(), middle, values.end());
@@ -316,31 +300,33 @@ bool sound(const Matrix3d& image_H_unit, const Quad& start, double most_move) {
   return convex(quad);
 }
 
-/// The steps near all probes of some edges, of whatever level or of a given one. None if less than
-/// `least` of the probes show one: what chance does needs no fit.
-std::vector<Match> find_steps(const ImageView& image, const Lens& lens, const Matrix3d& H,
-                              const std::vector<TemplateEdge>& edges, int most_along, double reach,
-                              double least, const LightLevels* levels) {
+/// The steps near all probes of some edges, of whatever level or of a given one, as matches. None
+/// if less than `least` of the probes show one: what chance does needs no fit.
+void find_steps(const ImageView& image, const Lens& lens, const Matrix3d& H,
+                const std::vector<TemplateEdge>& edges, int most_along, double reach, double least,
+                const LightLevels* levels, FitMemory& memory) {
   const Map map(H);
-  std::vector<Probe> probes;
-  std::vector<Match> matches;
-  for (const TemplateEdge& edge : edges) append_probes(map, edge, most_along, probes);
-  for (const Probe& probe : probes) {
+  memory.probes.clear();
+  memory.matches.clear();
+  for (const TemplateEdge& edge : edges) append_probes(map, edge, most_along, memory.probes);
+  for (const Probe& probe : memory.probes) {
     const Profile profile(image, lens, probe, reach);
     if (!profile.whole()) continue;
     const auto step =
         levels
             ? profile.crossing(0.5 * (levels->black_at(probe.unit) + levels->white_at(probe.unit)))
             : profile.strongest();
-    if (step && (!levels || fits(*step, *levels, probe.unit))) matches.push_back({probe, *step});
+    if (step && (!levels || fits(*step, *levels, probe.unit)))
+      memory.matches.push_back({probe, *step});
   }
-  if (static_cast<double>(matches.size()) < least * static_cast<double>(probes.size())) return {};
-  return matches;
+  if (static_cast<double>(memory.matches.size()) <
+      least * static_cast<double>(memory.probes.size()))
+    memory.matches.clear();
 }
 
 /// The sides of the unit square as edges that keep within the border ring and the quiet zone.
-std::vector<TemplateEdge> outline(int cells) {
-  std::vector<TemplateEdge> sides;
+void outline(int cells, std::vector<TemplateEdge>& sides) {
+  sides.clear();
   const std::array<Vector2d, 4> corners{{{0, 0}, {1, 0}, {1, 1}, {0, 1}}};
   for (std::size_t i = 0; i < 4; ++i) {
     TemplateEdge side;
@@ -351,7 +337,6 @@ std::vector<TemplateEdge> outline(int cells) {
     side.border = true;
     sides.push_back(side);
   }
-  return sides;
 }
 
 }  // namespace
@@ -364,8 +349,8 @@ Quad corners_of(const Matrix3d& image_H_unit) {
 }
 
 std::optional<Registration> fit_border(const ImageView& image, const Lens& lens, const Quad& quad,
-                                       int cells) {
-  const std::vector<TemplateEdge> sides = outline(cells);
+                                       int cells, FitMemory& memory) {
+  outline(cells, memory.sides);
   const double side = mean_side(quad);
   const double first_reach = std::clamp(0.025 * side, 2.0, kMostReach);
   Registration registration;
@@ -375,12 +360,11 @@ std::optional<Registration> fit_border(const ImageView& image, const Lens& lens,
   double variance = 0.0;
   for (const double share : {1.0, 0.4, 0.15}) {
     const double reach = std::max(1.0, share * first_reach);
-    const std::vector<Match> matches =
-        find_steps(image, lens, registration.image_H_unit, sides, kMostAlongBorder, reach,
-                   kLeastBorderSeen, levels ? &*levels : nullptr);
-    levels = fit_levels(matches);
+    find_steps(image, lens, registration.image_H_unit, memory.sides, kMostAlongBorder, reach,
+               kLeastBorderSeen, levels ? &*levels : nullptr, memory);
+    levels = fit_levels(memory);
     if (!levels) return std::nullopt;
-    if (!step_homography(matches, std::max(1.0, reach), registration.image_H_unit, &normal,
+    if (!step_homography(memory.matches, std::max(1.0, reach), registration.image_H_unit, &normal,
                          &variance) ||
         !sound(registration.image_H_unit, quad, 2.0 + 0.12 * side))
       return std::nullopt;
@@ -393,19 +377,18 @@ std::optional<Registration> fit_border(const ImageView& image, const Lens& lens,
 }
 
 bool refine(const ImageView& image, const Lens& lens, const std::vector<TemplateEdge>& edges,
-            Registration& registration) {
+            Registration& registration, FitMemory& memory) {
   Registration refined = registration;
   const Quad start = corners_of(registration.image_H_unit);
   Normal8 normal;
   double variance = 0.0;
   for (const double reach : {4.0, 2.0, 1.2, 0.8}) {
-    const std::vector<Match> matches =
-        find_steps(image, lens, refined.image_H_unit, edges, kMostAlong, reach, kLeastEdgesSeen,
-                   &refined.levels);
-    const auto levels = fit_levels(matches);
+    find_steps(image, lens, refined.image_H_unit, edges, kMostAlong, reach, kLeastEdgesSeen,
+               &refined.levels, memory);
+    const auto levels = fit_levels(memory);
     if (!levels) return false;
     refined.levels = *levels;
-    if (!step_homography(matches, reach, refined.image_H_unit, &normal, &variance) ||
+    if (!step_homography(memory.matches, reach, refined.image_H_unit, &normal, &variance) ||
         !sound(refined.image_H_unit, start, 2.0 + 0.05 * mean_side(start)))
       return false;
   }
@@ -416,10 +399,10 @@ bool refine(const ImageView& image, const Lens& lens, const std::vector<Template
 }
 
 Evidence gather(const ImageView& image, const Lens& lens, const std::vector<TemplateEdge>& edges,
-                const Registration& registration) {
+                const Registration& registration, FitMemory& memory) {
   const Map map(registration.image_H_unit);
   Evidence evidence;
-  std::vector<Probe> probes;
+  std::vector<Probe>& probes = memory.probes;
   for (const TemplateEdge& edge : edges) {
     if (edge.border) continue;
     probes.clear();

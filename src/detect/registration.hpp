@@ -42,6 +42,32 @@ struct Evidence {
   double share() const { return predicted == 0 ? 0.0 : static_cast<double>(seen) / predicted; }
 };
 
+/// A place on an edge, as the image sees it.
+struct Probe {
+  Eigen::Vector2d unit;
+  Eigen::Vector2d place;            ///< ideal pixels
+  Eigen::Vector2d to_white;         ///< unit normal, ideal pixels
+  double black = 0.0, white = 0.0;  ///< how far even black and white reach, pixels
+};
+
+/// A step found near a probe.
+struct Step {
+  double offset = 0.0;  ///< pixels from the probe towards white
+  double dark = 0.0, bright = 0.0;
+};
+
+/// The memory of fits, kept from one to the next.
+struct FitMemory {
+  struct Match {
+    Probe probe;
+    Step step;
+  };
+  std::vector<Probe> probes;
+  std::vector<Match> matches;
+  std::vector<double> values;
+  std::vector<TemplateEdge> sides;
+};
+
 /// Where the unit square's corners lie.
 Quad corners_of(const Eigen::Matrix3d& image_H_unit);
 
@@ -49,16 +75,16 @@ Quad corners_of(const Eigen::Matrix3d& image_H_unit);
 /// what the image shows of it, starting at `quad` (ideal pixels, right to a few pixels). Empty if
 /// too little is seen, or nothing of some side.
 std::optional<Registration> fit_border(const ImageView& image, const Lens& lens, const Quad& quad,
-                                       int cells);
+                                       int cells, FitMemory& memory);
 
 /// Fits a registration to those of the template's edges that are seen near their places, its levels
 /// as well. False if they are too few.
 bool refine(const ImageView& image, const Lens& lens, const std::vector<TemplateEdge>& edges,
-            Registration& registration);
+            Registration& registration, FitMemory& memory);
 
 /// Counts the template's edges that are seen.
 Evidence gather(const ImageView& image, const Lens& lens, const std::vector<TemplateEdge>& edges,
-                const Registration& registration);
+                const Registration& registration, FitMemory& memory);
 
 /// The registration of the same square whose upright corner (0, 0) is corner `turns` of this one.
 Registration turned(const Registration& registration, int turns);

@@ -43,54 +43,22 @@ bool same_light(const A& a, const B& b) {
   return std::abs(a.dark - b.dark) < slack && std::abs(a.bright - b.bright) < slack;
 }
 
-/// How much of some pieces lies between two places.
-double within(const std::vector<std::pair<double, double>>& pieces, double from, double to) {
-  double sum = 0.0;
-  for (const auto& [a, b] : pieces) sum += std::max(0.0, std::min(b, to) - std::max(a, from));
-  return sum;
-}
+}  // namespace
 
-/// Segments along one straight line, the dark on its right.
-struct Line {
-  Point point;
-  Point direction;
-  double dark = 0.0, bright = 0.0;                 ///< mean levels
-  std::vector<std::pair<double, double>> pieces;   ///< from, to: distances from `point`
-  std::vector<std::pair<double, double>> opposed;  ///< likewise, the dark on the left
-  double length = 0.0;                             ///< of all pieces
-
-  double first() const { return pieces.front().first; }
-  double last() const { return pieces.back().second; }
-  double seen_between(double from, double to) const { return within(pieces, from, to); }
-  double opposed_between(double from, double to) const { return within(opposed, from, to); }
-  /// Whether most of it lies before `at`, and after it.
-  bool ends_by(double at) const { return seen_between(first(), at + kOver) > 0.7 * length; }
-  bool begins_at(double at) const { return seen_between(at - kOver, last()) > 0.7 * length; }
-};
-
-/// A direction in 256ths of a turn: told apart many times as fast.
-using Heading = std::uint8_t;
-Heading heading_of(const Point& direction) {
+SideQuadFinder::Heading SideQuadFinder::heading_of(const Point& direction) {
   const double turns = std::atan2(direction.y(), direction.x()) / (2.0 * std::numbers::pi);
   return static_cast<Heading>(std::lround(256.0 * turns) & 255);
 }
+
 /// Whether two directions may differ by less than kSameDirection, even if one of them changes by as
-/// much as that while segments are put together.
-bool near(Heading a, Heading b) {
+/// much as that while segments are put together: told many times as fast as by themselves.
+bool SideQuadFinder::near(Heading a, Heading b) {
   constexpr int kMost = 12;
   return static_cast<Heading>(a - b + kMost) <= 2 * kMost;
 }
 
-/// A segment with what is asked of it often.
-struct Part {
-  Segment segment;
-  Point direction;
-  double length = 0.0;
-  double dark = 0.0, bright = 0.0;
-};
-
 /// Whether a segment lies along a line, whichever way.
-bool along(const Line& line, const Part& part) {
+bool SideQuadFinder::along(const Line& line, const Part& part) {
   if (std::abs(cross(line.direction, part.direction)) > kSameDirection) return false;
   const double reach = std::min(std::abs(line.direction.dot(part.segment.a - line.point)),
                                 std::abs(line.direction.dot(part.segment.b - line.point)));
@@ -99,17 +67,17 @@ bool along(const Line& line, const Part& part) {
          std::abs(cross(line.direction, part.segment.b - line.point)) < limit;
 }
 
-bool joins(const Line& line, const Part& part) {
+bool SideQuadFinder::joins(const Line& line, const Part& part) {
   return line.direction.dot(part.direction) > 0.0 && same_light(line, part) && along(line, part);
 }
 
 /// With the dark on the other side: as on a chessboard, and never on what covers a side.
-bool opposes(const Line& line, const Part& part) {
+bool SideQuadFinder::opposes(const Line& line, const Part& part) {
   return line.direction.dot(part.direction) < 0.0 && along(line, part);
 }
 
 /// Total least squares through the ends of all pieces, each end weighing as much as its piece.
-class LineFit {
+class SideQuadFinder::LineFit {
  public:
   void add(const Part& part) {
     for (const Point& p : {part.segment.a, part.segment.b}) {
@@ -140,210 +108,229 @@ class LineFit {
 };
 
 /// The longest segments, the longest one first.
-std::vector<Part> longest(const std::vector<Segment>& segments) {
-  std::vector<std::pair<double, std::size_t>> by_length;
-  by_length.reserve(segments.size());
+void SideQuadFinder::take_longest(const std::vector<Segment>& segments) {
+  by_length_.clear();
   for (std::size_t i = 0; i < segments.size(); ++i)
-    by_length.emplace_back(-(segments[i].b - segments[i].a).squaredNorm(), i);
-  const std::size_t count = std::min(by_length.size(), kMostSegments);
-  std::partial_sort(by_length.begin(), by_length.begin() + static_cast<std::ptrdiff_t>(count),
-                    by_length.end());
-  std::vector<Part> parts;
-  parts.reserve(count);
+    by_length_.emplace_back(-(segments[i].b - segments[i].a).squaredNorm(), i);
+  const std::size_t count = std::min(by_length_.size(), kMostSegments);
+  std::partial_sort(by_length_.begin(), by_length_.begin() + static_cast<std::ptrdiff_t>(count),
+                    by_length_.end());
+  parts_.clear();
+  headings_.clear();
   for (std::size_t i = 0; i < count; ++i) {
-    const Segment& segment = segments[by_length[i].second];
-    parts.push_back({segment, segment.direction(), segment.length(), segment.dark, segment.bright});
+    const Segment& segment = segments[by_length_[i].second];
+    parts_.push_back(
+        {segment, segment.direction(), segment.length(), segment.dark, segment.bright});
+    headings_.push_back(heading_of(parts_.back().direction));
   }
-  return parts;
 }
 
-/// Longest first, every segment in one line.
-std::vector<Line> merge(const std::vector<Part>& parts) {
-  std::vector<Line> lines;
-  std::vector<Heading> headings;
-  headings.reserve(parts.size());
-  for (const Part& part : parts) headings.push_back(heading_of(part.direction));
-  std::vector<bool> taken(parts.size());
-  for (std::size_t seed = 0; seed < parts.size(); ++seed) {
-    if (taken[seed]) continue;
-    Line line;
-    line.point = 0.5 * (parts[seed].segment.a + parts[seed].segment.b);
-    line.direction = parts[seed].direction;
-    line.dark = parts[seed].dark;
-    line.bright = parts[seed].bright;
-    LineFit fit;
-    std::vector<const Segment*> members;
-    for (std::size_t i = seed; i < parts.size(); ++i)
-      if (near(headings[i], headings[seed]) && !taken[i] && joins(line, parts[i])) {
-        taken[i] = true;
-        members.push_back(&parts[i].segment);
-        fit.add(parts[i]);
-        fit.solve(line);
-      }
-    for (const Segment* member : members)
-      line.pieces.emplace_back(line.direction.dot(member->a - line.point),
-                               line.direction.dot(member->b - line.point));
-    std::sort(line.pieces.begin(), line.pieces.end());
-    lines.push_back(std::move(line));
-  }
-  std::stable_sort(lines.begin(), lines.end(),
-                   [](const Line& a, const Line& b) { return a.length > b.length; });
-  if (lines.size() > kMostLines) lines.resize(kMostLines);
-  for (Line& line : lines) {
-    const Heading back = heading_of(-line.direction);
-    for (std::size_t i = 0; i < parts.size(); ++i) {
-      const Segment& segment = parts[i].segment;
-      if (near(headings[i], back) && opposes(line, parts[i]))
-        line.opposed.emplace_back(line.direction.dot(segment.b - line.point),
-                                  line.direction.dot(segment.a - line.point));
+/// The line of a segment and of all later ones that lie along it.
+void SideQuadFinder::join_to(std::size_t seed) {
+  const Part& first = parts_[seed];
+  Line line;
+  line.point = 0.5 * (first.segment.a + first.segment.b);
+  line.direction = first.direction;
+  line.dark = first.dark;
+  line.bright = first.bright;
+  line.pieces = {stretches_.size(), stretches_.size()};
+  LineFit fit;
+  for (std::size_t i = seed; i < parts_.size(); ++i)
+    if (near(headings_[i], headings_[seed]) && taken_[i] == 0 && joins(line, parts_[i])) {
+      taken_[i] = 1;
+      members_.push_back(i);
+      fit.add(parts_[i]);
+      fit.solve(line);
     }
+  for (const std::size_t member : members_) {
+    const Segment& segment = parts_[member].segment;
+    stretches_.push_back(
+        {line.direction.dot(segment.a - line.point), line.direction.dot(segment.b - line.point)});
   }
-  return lines;
+  members_.clear();
+  line.pieces.end = stretches_.size();
+  std::sort(stretches_.begin() + static_cast<std::ptrdiff_t>(line.pieces.begin), stretches_.end(),
+            [](const Stretch& a, const Stretch& b) { return a.from < b.from; });
+  lines_.push_back(line);
 }
 
-/// Where line `a` turns right into line `b`.
-struct Turn {
-  std::uint8_t to = 0;
-  Point corner;
-  double on_from = 0.0, on_to = 0.0;  ///< where the corner lies along both lines
-};
+void SideQuadFinder::find_opposed(Line& line) {
+  line.opposed.begin = stretches_.size();
+  const Heading back = heading_of(-line.direction);
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    const Segment& segment = parts_[i].segment;
+    if (near(headings_[i], back) && opposes(line, parts_[i]))
+      stretches_.push_back(
+          {line.direction.dot(segment.b - line.point), line.direction.dot(segment.a - line.point)});
+  }
+  line.opposed.end = stretches_.size();
+}
 
-std::vector<std::vector<Turn>> right_turns(const std::vector<Line>& lines) {
-  std::vector<std::vector<Turn>> turns(lines.size());
-  for (std::size_t a = 0; a < lines.size(); ++a)
-    for (std::size_t b = 0; b < lines.size(); ++b) {
-      if (a == b) continue;
-      const double sine = cross(lines[a].direction, lines[b].direction);
-      if (sine < kLeastSine || !same_light(lines[a], lines[b])) continue;
+/// Lines, longest first, every segment in one of them.
+void SideQuadFinder::merge() {
+  lines_.clear();
+  stretches_.clear();
+  taken_.assign(parts_.size(), 0);
+  for (std::size_t seed = 0; seed < parts_.size(); ++seed)
+    if (taken_[seed] == 0) join_to(seed);
+  std::sort(lines_.begin(), lines_.end(), [](const Line& a, const Line& b) {
+    return std::pair(-a.length, a.pieces.begin) < std::pair(-b.length, b.pieces.begin);
+  });
+  if (lines_.size() > kMostLines) lines_.resize(kMostLines);
+  for (Line& line : lines_) find_opposed(line);
+}
+
+/// How much of some stretches lies between two places.
+double SideQuadFinder::within(const Range& stretches, double from, double to) const {
+  double sum = 0.0;
+  for (std::size_t i = stretches.begin; i < stretches.end; ++i)
+    sum += std::max(0.0, std::min(stretches_[i].to, to) - std::max(stretches_[i].from, from));
+  return sum;
+}
+
+/// Whether most of a line lies before `at`, and after it.
+bool SideQuadFinder::ends_by(const Line& line, double at) const {
+  return within(line.pieces, stretches_[line.pieces.begin].from, at + kOver) > 0.7 * line.length;
+}
+bool SideQuadFinder::begins_at(const Line& line, double at) const {
+  return within(line.pieces, at - kOver, stretches_[line.pieces.end - 1].to) > 0.7 * line.length;
+}
+
+void SideQuadFinder::find_turns() {
+  turns_.clear();
+  turns_from_.clear();
+  for (const Line& a : lines_) {
+    Range range{turns_.size(), turns_.size()};
+    for (std::size_t to = 0; to < lines_.size(); ++to) {
+      const Line& b = lines_[to];
+      const double sine = cross(a.direction, b.direction);
+      if (sine < kLeastSine || !same_light(a, b)) continue;
       Turn turn;
-      turn.to = static_cast<std::uint8_t>(b);
-      turn.on_from = cross(lines[b].point - lines[a].point, lines[b].direction) / sine;
-      turn.corner = lines[a].point + turn.on_from * lines[a].direction;
-      turn.on_to = lines[b].direction.dot(turn.corner - lines[b].point);
-      if (lines[a].ends_by(turn.on_from) && lines[b].begins_at(turn.on_to))
-        turns[a].push_back(turn);
+      turn.to = to;
+      turn.on_from = cross(b.point - a.point, b.direction) / sine;
+      turn.corner = a.point + turn.on_from * a.direction;
+      turn.on_to = b.direction.dot(turn.corner - b.point);
+      if (ends_by(a, turn.on_from) && begins_at(b, turn.on_to)) turns_.push_back(turn);
     }
-  return turns;
+    range.end = turns_.size();
+    turns_from_.push_back(range);
+  }
 }
 
-/// All that the search for quads needs of the lines.
-class Search {
- public:
-  Search(std::vector<Line> lines, double least_side_px,
-         const std::optional<Eigen::Matrix3d>& calibration)
-      : lines_(std::move(lines)),
-        turns_(right_turns(lines_)),
-        least_side_px_(least_side_px),
-        calibration_(calibration) {}
+/// Length of a side that is seen, zero if too little of it is, or too much with the dark outside.
+double SideQuadFinder::seen(std::size_t line, double from, double to) const {
+  const double sum = within(lines_[line].pieces, from, to);
+  if (within(lines_[line].opposed, from, to) > kMostOpposed * sum) return 0.0;
+  return sum < kLeastSideSeen * (to - from) ? 0.0 : sum;
+}
 
-  std::vector<SideQuad> quads() {
-    for (std::size_t a = 0; a < lines_.size(); ++a)
-      for (const Turn& ab : turns_[a])
-        for (const Turn& bc : turns_[ab.to]) {
-          if (bc.to == a || bc.on_from < ab.on_to + 0.3 * least_side_px_) continue;
-          const double seen_b = seen(ab.to, ab.on_to, bc.on_from);
-          if (seen_b == 0.0) continue;
-          if (calibration_) complete(a, ab, bc, seen_b);
-          // Every cycle once, from its first line.
-          if (ab.to > a && bc.to > a) close(a, ab, bc, seen_b);
-        }
-    return std::move(quads_);
-  }
-
- private:
-  /// Length of a side that is seen, zero if too little of it is, or too much with the dark outside.
-  double seen(std::size_t line, double from, double to) const {
-    const double sum = lines_[line].seen_between(from, to);
-    if (lines_[line].opposed_between(from, to) > kMostOpposed * sum) return 0.0;
-    return sum < kLeastSideSeen * (to - from) ? 0.0 : sum;
-  }
-
-  void add(const Quad& corners, double seen_px) {
-    const double side = mean_side(corners);
-    if (!convex(corners) || side < least_side_px_) return;
-    const SideQuad quad{corners, seen_px / (4.0 * side)};
-    if (quad.seen >= kLeastSeen) quads_.push_back(quad);
-  }
-
-  /// Fourth sides to a, b, c.
-  void close(std::size_t a, const Turn& ab, const Turn& bc, double seen_b) {
-    for (const Turn& cd : turns_[bc.to]) {
-      if (cd.to <= a || cd.on_from < bc.on_to + 0.3 * least_side_px_) continue;
-      const double seen_c = seen(bc.to, bc.on_to, cd.on_from);
-      if (seen_c == 0.0) continue;
-      const auto da = std::find_if(turns_[cd.to].begin(), turns_[cd.to].end(),
-                                   [&](const Turn& turn) { return turn.to == a; });
-      if (da == turns_[cd.to].end()) continue;
-      const double seen_d = seen(cd.to, cd.on_to, da->on_from);
-      const double seen_a = seen(a, da->on_to, ab.on_from);
-      if (seen_a == 0.0 || seen_d == 0.0) continue;
-      add({da->corner, ab.corner, bc.corner, cd.corner}, seen_a + seen_b + seen_c + seen_d);
+void SideQuadFinder::find_quads() {
+  quads_.clear();
+  for (std::size_t a = 0; a < lines_.size(); ++a)
+    for (std::size_t i = turns_from_[a].begin; i < turns_from_[a].end; ++i) {
+      const Turn& ab = turns_[i];
+      for (std::size_t k = turns_from_[ab.to].begin; k < turns_from_[ab.to].end; ++k) {
+        const Turn& bc = turns_[k];
+        if (bc.to == a || bc.on_from < ab.on_to + 0.3 * least_side_px_) continue;
+        const double seen_b = seen(ab.to, ab.on_to, bc.on_from);
+        if (seen_b == 0.0) continue;
+        if (calibration_) complete(a, ab, bc, seen_b);
+        // Every cycle once, from its first line.
+        if (ab.to > a && bc.to > a) close(a, ab, bc, seen_b);
+      }
     }
+}
+
+void SideQuadFinder::add(const Quad& corners, double seen_px) {
+  const double side = mean_side(corners);
+  if (!convex(corners) || side < least_side_px_) return;
+  const SideQuad quad{corners, seen_px / (4.0 * side)};
+  if (quad.seen >= kLeastSeen) quads_.push_back(quad);
+}
+
+/// Fourth sides to a, b, c.
+void SideQuadFinder::close(std::size_t a, const Turn& ab, const Turn& bc, double seen_b) {
+  for (std::size_t i = turns_from_[bc.to].begin; i < turns_from_[bc.to].end; ++i) {
+    const Turn& cd = turns_[i];
+    if (cd.to <= a || cd.on_from < bc.on_to + 0.3 * least_side_px_) continue;
+    const double seen_c = seen(bc.to, bc.on_to, cd.on_from);
+    if (seen_c == 0.0) continue;
+    const Range& from_d = turns_from_[cd.to];
+    const auto end = turns_.begin() + static_cast<std::ptrdiff_t>(from_d.end);
+    const auto da = std::find_if(turns_.begin() + static_cast<std::ptrdiff_t>(from_d.begin), end,
+                                 [&](const Turn& turn) { return turn.to == a; });
+    if (da == end) continue;
+    const double seen_d = seen(cd.to, cd.on_to, da->on_from);
+    const double seen_a = seen(a, da->on_to, ab.on_from);
+    if (seen_a == 0.0 || seen_d == 0.0) continue;
+    add({da->corner, ab.corner, bc.corner, cd.corner}, seen_a + seen_b + seen_c + seen_d);
   }
+}
 
-  /// The square with sides on a, b and c; b is whole between its corners.
-  void complete(std::size_t a, const Turn& ab, const Turn& bc, double seen_b) {
-    using Eigen::Vector3d;
-    const Eigen::Matrix3d& K = *calibration_;
-    const auto ray = [&](const Point& p) -> Vector3d { return K.inverse() * p.homogeneous(); };
-    const auto plane = [&](const Line& line) -> Vector3d {
-      return ray(line.point).cross(ray(line.point + line.direction));
-    };
-    // Away from b along a and c, and along b.
-    Vector3d sideways = plane(lines_[a]).cross(plane(lines_[bc.to])).normalized();
-    const Vector3d first = ray(ab.corner);
-    const Vector3d last = ray(bc.corner);
-    const Vector3d along = plane(lines_[ab.to]).cross(sideways).normalized();
-    if (!sideways.allFinite() || !along.allFinite()) return;
-    // last * depth - first is parallel to `along`.
-    const Vector3d across = along.cross(plane(lines_[ab.to])).normalized();
-    const double depth = across.dot(first) / across.dot(last);
-    if (!(depth > 0.1 && depth < 10.0)) return;
-    const Vector3d& corner_ab = first;
-    const Vector3d corner_bc = depth * last;
-    const double side = (corner_bc - corner_ab).norm();
-    const auto seen_at = [&](const Vector3d& point) { return Point((K * point).hnormalized()); };
-    // Clockwise from a to b to c, so a runs towards b: the square lies against a's direction.
-    const Point towards = seen_at(corner_ab + 0.1 * side * sideways) - ab.corner;
-    if (towards.dot(lines_[a].direction) > 0.0) sideways = -sideways;
-    const Vector3d corner_da = corner_ab + side * sideways;
-    const Vector3d corner_cd = corner_bc + side * sideways;
-    if (corner_da.z() < 0.05 || corner_cd.z() < 0.05) return;
-    const Quad corners{seen_at(corner_da), ab.corner, bc.corner, seen_at(corner_cd)};
-    const double from_a = lines_[a].direction.dot(corners[0] - lines_[a].point);
-    const double to_c = lines_[bc.to].direction.dot(corners[3] - lines_[bc.to].point);
-    const double seen_a = seen(a, from_a, ab.on_from);
-    const double seen_c = seen(bc.to, bc.on_to, to_c);
-    if (seen_a > 0.0 && seen_c > 0.0) add(corners, seen_a + seen_b + seen_c);
-  }
+/// The square with sides on a, b and c; b is whole between its corners.
+void SideQuadFinder::complete(std::size_t a, const Turn& ab, const Turn& bc, double seen_b) {
+  using Eigen::Vector3d;
+  const Eigen::Matrix3d& K = *calibration_;
+  const auto ray = [&](const Point& p) -> Vector3d { return K.inverse() * p.homogeneous(); };
+  const auto plane = [&](const Line& line) -> Vector3d {
+    return ray(line.point).cross(ray(line.point + line.direction));
+  };
+  // Away from b along a and c, and along b.
+  Vector3d sideways = plane(lines_[a]).cross(plane(lines_[bc.to])).normalized();
+  const Vector3d first = ray(ab.corner);
+  const Vector3d last = ray(bc.corner);
+  const Vector3d along = plane(lines_[ab.to]).cross(sideways).normalized();
+  if (!sideways.allFinite() || !along.allFinite()) return;
+  // last * depth - first is parallel to `along`.
+  const Vector3d across = along.cross(plane(lines_[ab.to])).normalized();
+  const double depth = across.dot(first) / across.dot(last);
+  if (!(depth > 0.1 && depth < 10.0)) return;
+  const Vector3d& corner_ab = first;
+  const Vector3d corner_bc = depth * last;
+  const double side = (corner_bc - corner_ab).norm();
+  const auto seen_at = [&](const Vector3d& point) { return Point((K * point).hnormalized()); };
+  // Clockwise from a to b to c, so a runs towards b: the square lies against a's direction.
+  const Point towards = seen_at(corner_ab + 0.1 * side * sideways) - ab.corner;
+  if (towards.dot(lines_[a].direction) > 0.0) sideways = -sideways;
+  const Vector3d corner_da = corner_ab + side * sideways;
+  const Vector3d corner_cd = corner_bc + side * sideways;
+  if (corner_da.z() < 0.05 || corner_cd.z() < 0.05) return;
+  const Quad corners{seen_at(corner_da), ab.corner, bc.corner, seen_at(corner_cd)};
+  const double from_a = lines_[a].direction.dot(corners[0] - lines_[a].point);
+  const double to_c = lines_[bc.to].direction.dot(corners[3] - lines_[bc.to].point);
+  const double seen_a = seen(a, from_a, ab.on_from);
+  const double seen_c = seen(bc.to, bc.on_to, to_c);
+  if (seen_a > 0.0 && seen_c > 0.0) add(corners, seen_a + seen_b + seen_c);
+}
 
-  std::vector<Line> lines_;
-  std::vector<std::vector<Turn>> turns_;
-  double least_side_px_;
-  const std::optional<Eigen::Matrix3d>& calibration_;
-  std::vector<SideQuad> quads_;
-};
-
-}  // namespace
-
-std::vector<SideQuad> side_quads(const std::vector<Segment>& segments, double least_side_px,
-                                 std::size_t most,
-                                 const std::optional<Eigen::Matrix3d>& calibration) {
-  std::vector<SideQuad> quads =
-      Search(merge(longest(segments)), least_side_px, calibration).quads();
+void SideQuadFinder::keep_best(std::size_t most) {
   // The longest outline that is seen speaks for itself: inner squares are shorter.
-  const auto promise = [](const SideQuad& quad) { return quad.seen * mean_side(quad.corners); };
-  std::stable_sort(quads.begin(), quads.end(),
-                   [&](const SideQuad& x, const SideQuad& y) { return promise(x) > promise(y); });
-  std::vector<SideQuad> best;
-  for (const SideQuad& quad : quads) {
-    if (best.size() == most) break;
-    const bool known = std::any_of(best.begin(), best.end(), [&](const SideQuad& other) {
+  by_length_.clear();
+  for (std::size_t i = 0; i < quads_.size(); ++i)
+    by_length_.emplace_back(-quads_[i].seen * mean_side(quads_[i].corners), i);
+  std::sort(by_length_.begin(), by_length_.end());
+  best_.clear();
+  for (const auto& [length, i] : by_length_) {
+    if (best_.size() == most) break;
+    const SideQuad& quad = quads_[i];
+    const bool known = std::any_of(best_.begin(), best_.end(), [&](const SideQuad& other) {
       return nearly_same(other.corners, quad.corners, kSameSquare);
     });
-    if (!known) best.push_back(quad);
+    if (!known) best_.push_back(quad);
   }
-  return best;
+}
+
+const std::vector<SideQuad>& SideQuadFinder::find(
+    const std::vector<Segment>& segments, double least_side_px, std::size_t most,
+    const std::optional<Eigen::Matrix3d>& calibration) {
+  least_side_px_ = least_side_px;
+  calibration_ = calibration;
+  take_longest(segments);
+  merge();
+  find_turns();
+  find_quads();
+  keep_best(most);
+  return best_;
 }
 
 }  // namespace harco::detect
