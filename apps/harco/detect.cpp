@@ -103,7 +103,8 @@ class Observer {
       : options_(options),
         camera_(camera),
         pose_options_{options.fusion == "paper" ? Fusion::paper : Fusion::joint,
-                      !options.corners_only, gravity_of(options)} {
+                      !options.corners_only, gravity_of(options)},
+        estimator_(markers) {
     // What is explained is explained of whole pictures.
     if (options.track && camera && options.explain.empty())
       guided_.emplace(markers, detector_options());
@@ -185,8 +186,7 @@ class Observer {
     if (memory_) result.detections = memory_->confirm(result.detections);
     const double detected = monotonic_s();
     if (camera_)
-      result.poses =
-          estimate_poses(image, result.detections, detector().markers(), *camera_, pose_options_);
+      result.poses = estimator_.estimate(image, result.detections, *camera_, pose_options_);
     if (!options_.record.empty()) finished.measured = result.poses;
     const double posed = monotonic_s();
     if (tracking_) {
@@ -208,6 +208,7 @@ class Observer {
   const DetectOptions& options_;
   const std::optional<Camera>& camera_;
   PoseOptions pose_options_;
+  PoseEstimator estimator_;
   std::optional<Detector> detector_;  // one of both
   std::optional<GuidedDetector> guided_;
   std::optional<Memory> memory_;

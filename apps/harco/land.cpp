@@ -134,6 +134,7 @@ class Lander {
         target_(target_options(options, parent_of(options, markers_), mount_)),
         detector_(markers_, detector_options(camera_, options.threads, false)),
         thorough_(markers_, detector_options(camera_, options.threads, true)),
+        estimator_(markers_),
         teller_(target_),
         clock_({stamps_of(options.stamps), 1e-3 * options.latency_ms}),
         log_(options.dry_run, options.record, target_),
@@ -265,9 +266,9 @@ class Lander {
   }
 
   std::vector<Pose> poses(const ImageView& image, const std::vector<Detection>& detections,
-                          PoseOptions options) const {
+                          PoseOptions options) {
     options.align = false;
-    std::vector<Pose> poses = estimate_poses(image, detections, markers_, camera_, options);
+    std::vector<Pose> poses = estimator_.estimate(image, detections, camera_, options);
     const bool enough = std::any_of(poses.begin(), poses.end(), [&](const Pose& pose) {
       if (pose.parent != target_.parent || !pose.covariance || pose.alternative) return false;
       const Sighting sighting = sight(pose, mount_, target_.point, target_.side_m, 0.0);
@@ -275,7 +276,7 @@ class Lander {
     });
     if (enough || poses.empty()) return poses;
     options.align = true;
-    return estimate_poses(image, detections, markers_, camera_, options);
+    return estimator_.estimate(image, detections, camera_, options);
   }
 
   TargetView view_of(const FrameRecord& seen) const {
@@ -360,6 +361,7 @@ class Lander {
   TargetOptions target_;
   GuidedDetector detector_;  ///< for markers that are seen whole: close by, the children
   Detector thorough_;        ///< for a pad of which only parts are seen
+  PoseEstimator estimator_;
   TargetTeller teller_;
   FrameClock clock_;
 

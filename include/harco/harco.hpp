@@ -17,6 +17,7 @@
 #include "harco/mount.hpp"
 #include "harco/plan.hpp"
 #include "harco/pose.hpp"
+#include "harco/pose_estimator.hpp"
 #include "harco/track.hpp"
 #include "harco/version.hpp"
 #include "harco/view_range.hpp"

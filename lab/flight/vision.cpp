@@ -40,7 +40,8 @@ Vector3d VisionSetup::touchdown_point() const {
 ImageVision::ImageVision(const VisionSetup& setup)
     : setup_(setup),
       simulator_(setup.camera, setup.effects),
-      detector_(setup.markers, setup.camera) {}
+      detector_(setup.markers, setup.camera),
+      estimator_(setup.markers) {}
 
 Sight ImageVision::look(const Motion& world_T_camera, const Motion& world_T_deck, double time_s,
                         const Vector3d& gravity, std::uint64_t seed) {
@@ -64,7 +65,7 @@ Sight ImageVision::look(const Motion& world_T_camera, const Motion& world_T_deck
   prior.in_camera = gravity;
   options.gravity = prior;
   const auto poses =
-      estimate_poses(shot.image.view(), sight.detections, setup_.markers, setup_.camera, options);
+      estimator_.estimate(shot.image.view(), sight.detections, setup_.camera, options);
   if (!poses.empty()) {
     sight.pose = poses.front();
     for (const int i : poses.front().detections)

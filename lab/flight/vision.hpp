@@ -51,6 +51,7 @@ class ImageVision {
   VisionSetup setup_;
   CameraSimulator simulator_;
   Detector detector_;
+  PoseEstimator estimator_;
 };
 
 /// A stand-in for images, where flights are too many for them: at a set of heights, pictures are

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
+#include "harco/pose_estimator.hpp"
 #include "pose/align.hpp"
 #include "pose/ambiguity.hpp"
 #include "pose/group.hpp"
@@ -79,7 +81,7 @@ struct Evidence {
   int parent = 0;
   double cell_m = 0.0;
   Aligner& aligner;
-  std::optional<InkOutline> outline;  ///< there if poses shall be aligned
+  const InkOutline* outline = nullptr;  ///< there if poses shall be aligned
 
   Solution solution(const Eigen::Isometry3d& start, const Matrix6d& covariance,
                     const std::optional<Alignment>& rival = std::nullopt) const {
@@ -253,42 +255,87 @@ void check(const GravityPrior& gravity) {
 
 }  // namespace
 
+class PoseEstimator::Impl {
+ public:
+  explicit Impl(MarkerSet markers)
+      : markers_(std::move(markers)),
+        placed_(place(markers_)),
+        outlines_(markers_.parents.size()),
+        by_parent_(markers_.parents.size()) {}
+
+  const MarkerSet& markers() const { return markers_; }
+
+  std::vector<Pose> estimate(const ImageView& image, const std::vector<Detection>& detections,
+                             const Camera& camera, const PoseOptions& options) {
+    validate(camera);
+    if (!image.empty() && (image.width() != camera.width || image.height() != camera.height))
+      throw std::invalid_argument("estimate_poses: the image's size is not the camera's");
+    if (options.gravity) check(*options.gravity);
+    if (detections.empty()) return {};
+
+    for (auto& seen : by_parent_) seen.clear();
+    for (const Observation& seen : observe(detections, markers_, placed_, camera)) {
+      const int parent = placed_[static_cast<std::size_t>(seen.placed)].parent_index;
+      by_parent_[static_cast<std::size_t>(parent)].push_back(seen);
+    }
+
+    const bool align = options.align && options.fusion == Fusion::joint && !image.empty();
+    std::vector<Pose> poses;
+    for (std::size_t i = 0; i < by_parent_.size(); ++i) {
+      if (by_parent_[i].empty()) continue;
+      const Parent& parent = markers_.parents[i];
+      const Evidence evidence{image,
+                              camera,
+                              options,
+                              detections,
+                              parent.marker.id,
+                              parent.side_m / (parent.marker.code.cells + 2),
+                              aligner_,
+                              align ? &outline(i) : nullptr};
+      for (const Group& group : group_by_sheet(by_parent_[i], detections, parent.side_m))
+        if (options.fusion == Fusion::paper)
+          poses.push_back(paper_pose(group, parent.marker.id, detections, camera));
+        else if (auto pose = joint_pose(group, evidence))
+          poses.push_back(*std::move(pose));
+    }
+    std::stable_sort(poses.begin(), poses.end(), [&](const Pose& a, const Pose& b) {
+      return seen_area(a, detections) > seen_area(b, detections);
+    });
+    return poses;
+  }
+
+ private:
+  const InkOutline& outline(std::size_t parent) {
+    std::optional<InkOutline>& known = outlines_[parent];
+    if (!known) known.emplace(ink_plan(markers_, static_cast<int>(parent)));
+    return *known;
+  }
+
+  MarkerSet markers_;
+  std::vector<PlacedMarker> placed_;
+  std::vector<std::optional<InkOutline>> outlines_;  ///< of the parents seen so far
+  std::vector<std::vector<Observation>> by_parent_;
+  Aligner aligner_;
+};
+
+PoseEstimator::PoseEstimator(MarkerSet markers)
+    : impl_(std::make_unique<Impl>(std::move(markers))) {}
+PoseEstimator::~PoseEstimator() = default;
+PoseEstimator::PoseEstimator(PoseEstimator&&) noexcept = default;
+PoseEstimator& PoseEstimator::operator=(PoseEstimator&&) noexcept = default;
+
+const MarkerSet& PoseEstimator::markers() const { return impl_->markers(); }
+
+std::vector<Pose> PoseEstimator::estimate(const ImageView& image,
+                                          const std::vector<Detection>& detections,
+                                          const Camera& camera, const PoseOptions& options) {
+  return impl_->estimate(image, detections, camera, options);
+}
+
 std::vector<Pose> estimate_poses(const ImageView& image, const std::vector<Detection>& detections,
                                  const MarkerSet& markers, const Camera& camera,
                                  const PoseOptions& options) {
-  validate(camera);
-  if (!image.empty() && (image.width() != camera.width || image.height() != camera.height))
-    throw std::invalid_argument("estimate_poses: the image's size is not the camera's");
-  if (options.gravity) check(*options.gravity);
-  if (detections.empty()) return {};
-
-  const std::vector<PlacedMarker> placed = place(markers);
-  std::vector<std::vector<Observation>> by_parent(markers.parents.size());
-  for (const Observation& seen : observe(detections, markers, placed, camera)) {
-    const int parent = placed[static_cast<std::size_t>(seen.placed)].parent_index;
-    by_parent[static_cast<std::size_t>(parent)].push_back(seen);
-  }
-
-  std::vector<Pose> poses;
-  Aligner aligner;
-  for (std::size_t i = 0; i < by_parent.size(); ++i) {
-    if (by_parent[i].empty()) continue;
-    const Parent& parent = markers.parents[i];
-    Evidence evidence{image,      camera,           options,
-                      detections, parent.marker.id, parent.side_m / (parent.marker.code.cells + 2),
-                      aligner,    std::nullopt};
-    if (options.align && options.fusion == Fusion::joint && !image.empty())
-      evidence.outline.emplace(ink_plan(markers, static_cast<int>(i)));
-    for (const Group& group : group_by_sheet(by_parent[i], detections, parent.side_m))
-      if (options.fusion == Fusion::paper)
-        poses.push_back(paper_pose(group, parent.marker.id, detections, camera));
-      else if (auto pose = joint_pose(group, evidence))
-        poses.push_back(*std::move(pose));
-  }
-  std::stable_sort(poses.begin(), poses.end(), [&](const Pose& a, const Pose& b) {
-    return seen_area(a, detections) > seen_area(b, detections);
-  });
-  return poses;
+  return PoseEstimator(markers).estimate(image, detections, camera, options);
 }
 
 }  // namespace harco
