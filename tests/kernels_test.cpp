@@ -1,6 +1,7 @@
 // Every kernel gives the same bytes as its plain twin, on every instruction set of this machine.
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <random>
 #include <string>
@@ -293,7 +294,7 @@ TEST(Kernels, NormalProductsAreTheSameOnEveryTarget) {
     };
     expect_same_bits(compute);
     const std::vector<float> sums = compute();
-    for (std::size_t a = 1; a < kColumns; ++a)
+    for (std::size_t a = 0; a < kColumns; ++a)
       for (std::size_t b = 0; b <= a; ++b) {
         double sum = 0.0;
         for (std::size_t i = 0; i < count; ++i)
@@ -457,23 +458,137 @@ TEST(Kernels, LitRowsAreDerivativesOfGreys) {
   }
 }
 
-TEST(Kernels, BlurredPatchesAreTheSameOnEveryTarget) {
+/// Sixteen floats that vectors may be read from and written to.
+struct alignas(64) Sixteen {
+  std::array<float, 16> values;
+};
+
+/// A step that a row of pixels sees as a ramp from -half to half, half being 2 pixels; on a margin
+/// of `margin` pixels.
+std::vector<float> ramp_steps(std::size_t margin, std::size_t stride) {
+  using harco::kernels::kSide;
+  using harco::kernels::Steps;
+  std::vector<float> table(3 * Steps::kPhases * stride);
+  for (std::size_t phase = 0; phase < Steps::kPhases; ++phase)
+    for (std::size_t i = 0; i < stride; ++i) {
+      const float d = static_cast<float>(i) - static_cast<float>(kSide + margin) +
+                      static_cast<float>(phase) / static_cast<float>(Steps::kPhases);
+      table[3 * phase * stride + i] = std::clamp(0.5F + 0.25F * d, 0.0F, 1.0F);
+      table[(3 * phase + 1) * stride + i] = std::abs(d) < 2.0F ? 0.25F : 0.0F;
+    }
+  return table;
+}
+
+TEST(Kernels, PatchesAreDrawnTheSameOnEveryTarget) {
   using harco::kernels::kSide;
   for (const std::size_t margin : {1U, 2U, 5U}) {
-    const std::size_t size = 2 * (kSide + 2 * margin), stride = size + 2;
-    const auto grid = random_floats(size * stride, 4);
+    const std::size_t rows = 2 * (kSide + 2 * margin), stride = 2 * (kSide + margin) + 4;
+    const auto table = random_floats(48 * stride, 3), starts = random_floats(rows, 4);
     const auto value = random_floats(2 * margin, 5), slope = random_floats(2 * margin, 6),
                bend = random_floats(2 * margin, 7);
+    const auto bottom = static_cast<float>(rows);
+    const std::vector<harco::kernels::PatchEdge> edges{{3.7F, 0.2F, 1.25F, bottom, 1.0F},
+                                                       {17.0F, -4.0F, 8.5F, 11.75F, -1.0F}};
     expect_same_bits([&] {
       constexpr std::size_t kArea = kSide * kSide;
-      std::vector<float> scratch((2 + 6 * kSide) * size), out(6 * kArea);
-      harco::kernels::blur_patch(grid.data(), stride, margin,
-                                 {value.data(), slope.data(), bend.data(), value.size()},
-                                 scratch.data(),
-                                 {&out[0], &out[kArea], &out[2 * kArea], &out[3 * kArea],
-                                  &out[4 * kArea], &out[5 * kArea]});
+      std::vector<Sixteen> scratch(3 * rows);
+      std::vector<float> out(6 * kArea);
+      for (const bool more : {false, true})
+        harco::kernels::draw_patch(
+            edges.data(), edges.size(), starts.data(), margin,
+            {table.data(), stride, static_cast<float>(kSide + 2 * margin) + 0.5F},
+            {value.data(), slope.data(), bend.data(), value.size()}, more,
+            scratch.front().values.data(),
+            {&out[0], &out[kArea], &out[2 * kArea], &out[3 * kArea], &out[4 * kArea],
+             &out[5 * kArea]});
       return out;
     });
+  }
+}
+
+TEST(Kernels, DrawsASlantedEdgeByHand) {
+  using harco::kernels::kSide;
+  constexpr std::size_t kMargin = 2, kRows = 2 * (kSide + 2 * kMargin);
+  constexpr std::size_t kStride = 2 * (kSide + kMargin) + 4;
+  const std::vector<float> table = ramp_steps(kMargin, kStride), starts(kRows, 0.0F);
+  // One pixel to the right in each, from the patch's pixel 3.5 (x = 6) in its first row on; below
+  // its fifth row of pixels there is no more of it.
+  const std::vector<harco::kernels::PatchEdge> edge{{6.0F, 0.5F, 4.0F, 14.0F, 1.0F}};
+  const std::vector<float> value{0.5F}, none{0.0F};
+  std::vector<Sixteen> scratch(3 * kRows);
+  constexpr std::size_t kArea = kSide * kSide;
+  std::vector<float> out(6 * kArea);
+  harco::kernels::draw_patch(
+      edge.data(), edge.size(), starts.data(), kMargin,
+      {table.data(), kStride, static_cast<float>(kSide + 2 * kMargin) + 0.5F},
+      {value.data(), none.data(), none.data(), 1}, false, scratch.front().values.data(),
+      {&out[0], &out[kArea], &out[2 * kArea], &out[3 * kArea], &out[4 * kArea], &out[5 * kArea]});
+  for (std::size_t y = 0; y < kSide; ++y)
+    for (std::size_t x = 0; x < kSide; ++x) {
+      // The edge in the middle of this row of pixels; pixel x is seen at x + 0.5 + margin.
+      const float edge_x = 6.0F + static_cast<float>(y) + 0.5F;
+      const float d = static_cast<float>(x + kMargin) + 0.5F - edge_x;
+      const bool bent = std::abs(std::abs(d) - 2.0F) < 0.6F;  // within it, half rows differ
+      const float expected = y < 5 ? std::clamp(0.5F + 0.25F * d, 0.0F, 1.0F) : 0.0F;
+      if (!bent || y >= 5) {
+        EXPECT_NEAR(out[y * kSide + x], expected, 1e-5F) << x << " " << y;
+      }
+    }
+}
+
+TEST(Kernels, SumsOfColumnsAreTheSameOnEveryTarget) {
+  constexpr std::size_t kColumns = 6, kFirst = 3;
+  for (const std::size_t count : {0U, 1U, 15U, 16U, 90U}) {
+    const auto weights = random_floats(count + kFirst, 1);
+    const Columns columns(kColumns, count + kFirst, 2);
+    const auto compute = [&] {
+      std::vector<float> sums(kColumns);
+      harco::kernels::column_sums(weights.data(), columns.data(), kColumns, kFirst, count,
+                                  sums.data());
+      return sums;
+    };
+    expect_same_bits(compute);
+    const std::vector<float> sums = compute();
+    for (std::size_t k = 0; k < kColumns; ++k) {
+      double sum = 0.0;
+      for (std::size_t i = kFirst; i < kFirst + count; ++i)
+        sum += static_cast<double>(weights[i]) * columns.at(k, i);
+      EXPECT_NEAR(static_cast<double>(sums[k]), sum, 2e-5);
+    }
+  }
+}
+
+TEST(Kernels, TukeySumsByHand) {
+  // With a variance of 4 and a limit of 16: z^2 = 0, 1/4, 4, 16, 2500; q = 1, 63/64, 3/4, 0, 0.
+  const std::vector<float> residuals{0.0F, 1.0F, -4.0F, 8.0F, -100.0F};
+  const auto sums = harco::kernels::tukey_sums(residuals.data(), 0.25F, 1.0F / 16.0F, 5);
+  EXPECT_NEAR(sums.cubed, 1.0 + 0.953857 + 0.421875, 1e-5);
+  EXPECT_NEAR(sums.weight, 1.0 + 0.968994 + 0.5625, 1e-5);
+  EXPECT_NEAR(sums.slope, 1.0 + 0.907471 - 0.1875, 1e-5);
+  EXPECT_NEAR(sums.square, 0.25 * 0.938950 + 4.0 * 0.316406, 1e-5);
+}
+
+TEST(Kernels, TukeySumsAreTheSameOnEveryTarget) {
+  for (const std::size_t count : {0U, 5U, 16U, 100U}) {
+    const auto residuals = random_floats(count, 1);
+    expect_same_bits([&] {
+      const auto sums = harco::kernels::tukey_sums(residuals.data(), 7.0F, 0.2F, count);
+      return std::vector<float>{sums.cubed, sums.weight, sums.slope, sums.square};
+    });
+  }
+}
+
+TEST(Kernels, MedianSizeIsTheUpperMedian) {
+  EXPECT_EQ(harco::kernels::median_size(nullptr, 0), 0.0F);
+  for (std::size_t count = 1; count < 50; ++count) {
+    auto values = random_floats(count, static_cast<std::uint32_t>(count));
+    values[count / 2] = 0.0F;
+    expect_same_bits(
+        [&] { return std::vector<float>{harco::kernels::median_size(values.data(), count)}; });
+    const float found = harco::kernels::median_size(values.data(), count);
+    for (float& value : values) value = std::abs(value);
+    std::sort(values.begin(), values.end());
+    EXPECT_EQ(found, values[count / 2]) << count;
   }
 }
 

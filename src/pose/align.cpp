@@ -198,13 +198,6 @@ class Response {
   Table seen_{}, slope_{}, by_log_gamma_{};
 };
 
-/// Tukey's loss: z^2 for small z, constant far out.
-double tukey_loss(double z2) {
-  const double c2 = static_cast<double>(kTukey) * static_cast<double>(kTukey);
-  const double q = std::max(0.0, 1.0 - z2 / c2);
-  return c2 / 3.0 * (1.0 - q * q * q);
-}
-
 constexpr float kBrightest = 255.0F;
 bool clipped(float grey) { return grey >= kBrightest || grey <= 0.0F; }
 
@@ -228,6 +221,15 @@ float dot(const float* a, const float* b, std::size_t count) {
   for (; i + kLanes <= count; i += kLanes)
     for (std::size_t k = 0; k < kLanes; ++k) lanes[k] += a[i + k] * b[i + k];
   for (; i < count; ++i) lanes[0] += a[i] * b[i];
+  return sum_of(lanes);
+}
+
+float sum_of(const float* values, std::size_t count) {
+  std::array<float, kLanes> lanes{};
+  std::size_t i = 0;
+  for (; i + kLanes <= count; i += kLanes)
+    for (std::size_t k = 0; k < kLanes; ++k) lanes[k] += values[i + k];
+  for (; i < count; ++i) lanes[0] += values[i];
   return sum_of(lanes);
 }
 
@@ -1128,9 +1130,9 @@ class Aligner::Impl {
     const std::size_t stride = count_ / 600 + 1;
     sizes_.clear();
     for (std::size_t i = 0; i < count_; i += stride)
-      if (!clipped(grey_[i])) sizes_.push_back(std::abs(residuals[i]));
-    if (sizes_.empty()) return kRounding;
-    return std::max(kRounding, 1.4826 * static_cast<double>(median(sizes_)));
+      if (!clipped(grey_[i])) sizes_.push_back(residuals[i]);
+    const float size = kernels::median_size(sizes_.data(), sizes_.size());
+    return std::max(kRounding, 1.4826 * static_cast<double>(size));
   }
 
   /// Of what is as bright or as dark as the image can be, only that is known. It counts by what
@@ -1249,8 +1251,22 @@ class Aligner::Impl {
     pull(kShade + 1) += alike * apart;
   }
 
+  /// Weighted least squares go a part of the way only to where Tukey's loss is least, as the mean
+  /// of psi' is less than that of the weights: by how much their steps have to be longer.
+  double step_length(Weights kind) const {
+    constexpr double kLongest = 1.5;
+    if (kind != Weights::tukey) return 1.0;
+    const kernels::TukeySums sums =
+        kernels::tukey_sums(left_.data(), static_cast<float>(1.0 / (scale_ * scale_)),
+                            1.0F / (kTukey * kTukey), count_);
+    const auto slope = static_cast<double>(sums.slope), weight = static_cast<double>(sums.weight);
+    return slope * kLongest > weight ? weight / slope : kLongest;
+  }
+
   /// A Gauss-Newton step with weights that follow the linearised residuals.
   std::optional<Row> solve(Weights kind) {
+    // Residuals that change by less than this share of the noise keep their weights.
+    constexpr double kSameWeights = 0.3;
     const int rounds = kind == Weights::huber ? 3 : 2;
     std::copy_n(residuals_.begin(), count_, left_.begin());
     Row move = Row::Zero();
@@ -1264,10 +1280,14 @@ class Aligner::Impl {
       add_priors(normal, pull);
       const auto inverse = inverse_of(normal);
       if (!inverse) return std::nullopt;
-      move = *inverse * pull;
+      const Row before = move;
+      const Row change = step_length(kind) * (*inverse * pull - before);
       inverse_ = *inverse;
-      if (!move.allFinite()) return std::nullopt;
+      if (!change.allFinite()) return std::nullopt;
+      move = before + change;
       apply(move);
+      const double changed2 = change.dot(normal * change) / static_cast<double>(count_);
+      if (changed2 < kSameWeights * kSameWeights * scale_ * scale_) break;
     }
     scale_ = robust_scale(left_);
     return move;
@@ -1337,19 +1357,21 @@ class Aligner::Impl {
     result.evenness = evenness();
     result.pixels = static_cast<int>(count_);
     const auto count = static_cast<double>(count_);
-    const double inverse_noise2 = 1.0 / (scale_ * scale_);
-    double weight = 0.0, slope = 0.0, square = 0.0;  // sums of w, psi' and psi^2
-    for (std::size_t i = 0; i < count_; ++i) {
-      const auto z2 =
-          static_cast<double>(left_[i]) * static_cast<double>(left_[i]) * inverse_noise2;
-      result.loss += tukey_loss(z2);
-      const double q = std::max(0.0, 1.0 - z2 / static_cast<double>(kTukey * kTukey));
-      result.share += q * q / count;
-      if (clipped(grey_[i])) continue;
-      weight += q * q;
-      slope += q * (5.0 * q - 4.0);
-      square += z2 * q * q * q * q;
-    }
+    const auto inverse = static_cast<float>(1.0 / (scale_ * scale_));
+    constexpr float kLimit = kTukey * kTukey;
+    const kernels::TukeySums all =
+        kernels::tukey_sums(left_.data(), inverse, 1.0F / kLimit, count_);
+    // Tukey's loss: z^2 for small z, constant far out.
+    result.loss = static_cast<double>(kLimit) / 3.0 * (count - static_cast<double>(all.cubed));
+    result.share = static_cast<double>(all.weight) / count;
+    // Sums of w, psi' and psi^2; what is clipped is no sample of the noise.
+    sizes_.clear();
+    for (const std::size_t i : clipped_) sizes_.push_back(left_[i]);
+    const kernels::TukeySums none =
+        kernels::tukey_sums(sizes_.data(), inverse, 1.0F / kLimit, sizes_.size());
+    const auto weight = static_cast<double>(all.weight - none.weight);
+    const auto slope = static_cast<double>(all.slope - none.slope);
+    const auto square = static_cast<double>(all.square - none.square);
     if (result.share < kLeastShare) return std::nullopt;
     for (const std::size_t k : order_) {
       const Vector2d at =
@@ -1383,25 +1405,35 @@ class Aligner::Impl {
   double correlation() {
     project_rows();
     const std::size_t blocks = order_.size() < 32 ? 4 : 1;  // of a patch
-    double alone = 0.0, weight = 0.0;
-    for (std::size_t i = 0; i < count_; ++i) {
-      weighted_[i] = weights_[i] * left_[i];
-      alone += static_cast<double>(weighted_[i]) * static_cast<double>(weighted_[i]);
-      weight += static_cast<double>(weights_[i]);
-    }
-    Normal blockwise = Normal::Zero();
+    for (std::size_t i = 0; i < count_; ++i) weighted_[i] = weights_[i] * left_[i];
+    const auto alone = static_cast<double>(dot(weighted_.data(), weighted_.data(), count_));
+    const auto weight = static_cast<double>(sum_of(weights_.data(), count_));
+    std::array<const float*, kUnknowns> columns{};
+    std::array<float, kUnknowns> sums{};
+    std::size_t n = 0;
+    std::array<Eigen::Index, kUnknowns> which{};
+    for (Eigen::Index a = 0; a < kUnknowns; ++a)
+      if (!frozen(a)) {
+        which[n] = a;
+        columns[n++] = column(a);
+      }
+    Eigen::Matrix<float, kUnknowns, kUnknowns> some =
+        Eigen::Matrix<float, kUnknowns, kUnknowns>::Zero();
+    Eigen::Map<Eigen::Matrix<float, kUnknowns, 1>> sum(sums.data());
     for (const std::size_t k : order_) {
       const Patch& patch = patches_[k];
       for (std::size_t b = 0; b < blocks; ++b) {
         const std::size_t first = patch.first + patch.count * b / blocks;
         const std::size_t last = patch.first + patch.count * (b + 1) / blocks;
-        Row sum = Row::Zero();
-        for (Eigen::Index a = 0; a < kUnknowns; ++a)
-          if (!frozen(a))
-            sum(a) = static_cast<double>(dot(&weighted_[first], column(a) + first, last - first));
-        blockwise += sum * sum.transpose();
+        kernels::column_sums(weighted_.data(), columns.data(), n, first, last - first, sums.data());
+        some += sum * sum.transpose();
       }
     }
+    Normal blockwise = Normal::Zero();
+    for (std::size_t a = 0; a < n; ++a)
+      for (std::size_t b = 0; b < n; ++b)
+        blockwise(which[a], which[b]) =
+            static_cast<double>(some(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b)));
     // Independent residuals would make this E psi^2 / E w times the normal matrix.
     const auto influence = inverse_.topRows<kPose>();
     const Matrix6d together = influence * blockwise * influence.transpose();
@@ -1414,12 +1446,9 @@ class Aligner::Impl {
     double sum = 0.0;
     for (const std::size_t k : order_) {
       const Patch& patch = patches_[k];
-      double mean = 0.0, variance = 0.0;
-      for (std::size_t i = patch.first; i < patch.first + patch.count; ++i) {
-        const auto weight = static_cast<double>(weights_[i]);
-        mean += weight * static_cast<double>(left_[i]);
-        variance += weight * weight;
-      }
+      const float *weights = &weights_[patch.first], *left = &left_[patch.first];
+      const auto mean = static_cast<double>(dot(weights, left, patch.count));
+      const auto variance = static_cast<double>(dot(weights, weights, patch.count));
       if (variance > 0.0) sum += mean * mean / (variance * scale_ * scale_);
     }
     return sum / static_cast<double>(order_.size());

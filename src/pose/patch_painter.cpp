@@ -2,10 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include <Eigen/Eigenvalues>
-
-#include "pose/kernels/patch_loops.hpp"
 
 namespace harco {
 namespace {
@@ -13,11 +12,23 @@ namespace {
 using Eigen::Matrix2d;
 using Eigen::Vector2d;
 
-// The grid's fields along a pixel's side.
+// Rows along a pixel's side.
 constexpr int kFields = 2;
 // Beyond so many sigmas nothing is left of a Gaussian.
 constexpr double kReach = 3.2;
 constexpr double kLeastVariance = 0.02, kMostVariance = 40.0;  // square pixels
+
+/// Step response of a pixel's square and a Gaussian, and its first two derivatives.
+std::array<double, 3> step_response(double d, double sigma) {
+  constexpr double kDensity = std::numbers::inv_sqrtpi / std::numbers::sqrt2;
+  const double a = (d + 0.5) / sigma, b = (d - 0.5) / sigma;
+  const auto below = [](double z) { return 0.5 * std::erfc(-z / std::numbers::sqrt2); };
+  const auto density = [](double z) { return kDensity * std::exp(-0.5 * z * z); };
+  const double below_a = below(a), below_b = below(b);
+  const double density_a = density(a), density_b = density(b);
+  return {sigma * (a * below_a + density_a - b * below_b - density_b), below_a - below_b,
+          (density_a - density_b) / sigma};
+}
 
 }  // namespace
 
@@ -35,15 +46,39 @@ Blur Blur::with_moments(const Matrix2d& moments) {
 }
 
 void PatchPainter::set_blur(const Blur& blur) {
-  const double sigma =
-      kFields * std::sqrt(std::clamp(blur.variance, kLeastVariance, kMostVariance));
+  const double variance = std::clamp(blur.variance, kLeastVariance, kMostVariance);
+  const double sigma = kFields * std::sqrt(variance);
   const int taps = std::max(2, static_cast<int>(std::lround(kReach * sigma + 0.2)));
   smear_ = blur.smear;
   margin_ = (taps + 1) / kFields +
             static_cast<int>(std::ceil(0.5 * smear_.norm() + 0.5 * (smear_.norm() > 0.0)));
   size_ = kFields * (kPatch + 2 * margin_);
+  far_ = kPatch + margin_ + static_cast<int>(std::ceil(0.5 * smear_.norm()));
+  set_steps(variance);
+  set_taps(sigma, taps);
+  rows_.resize(static_cast<std::size_t>(size_));
+  starts_.resize(static_cast<std::size_t>(size_));
+}
 
-  // A pixel's square is two fields; the Gaussian is sampled on the fields' middles.
+void PatchPainter::set_steps(double variance) {
+  constexpr auto kPhases = static_cast<int>(kernels::Steps::kPhases);
+  const double sigma = std::sqrt(variance);
+  const int stride = 2 * far_ + 4;
+  steps_.resize(static_cast<std::size_t>(3 * kPhases * stride));
+  for (int phase = 0; phase < kPhases; ++phase)
+    for (int i = 0; i < stride; ++i) {
+      const double d = i - far_ + static_cast<double>(phase) / kPhases;
+      const bool near = std::abs(d) < 0.5 + 5.0 * sigma;
+      const auto response =
+          near ? step_response(d, sigma) : std::array<double, 3>{d > 0.0 ? 1.0 : 0.0, 0.0, 0.0};
+      for (int k = 0; k < 3; ++k)
+        steps_[static_cast<std::size_t>((3 * phase + k) * stride + i)] =
+            static_cast<float>(response[static_cast<std::size_t>(k)]);
+    }
+}
+
+/// A pixel's square is two halves; the Gaussian is sampled on their middles.
+void PatchPainter::set_taps(double sigma, int taps) {
   const auto gauss = [&](double d) { return std::exp(-0.5 * d * d / (sigma * sigma)); };
   std::vector<double> value, slope, bend;
   double sum = 0.0, lever = 0.0, curve = 0.0, excess = 0.0;
@@ -74,104 +109,53 @@ void PatchPainter::set_blur(const Blur& blur) {
 void PatchPainter::begin(int x, int y) {
   x_ = x;
   y_ = y;
-  grid_.assign(static_cast<std::size_t>(size_) * static_cast<std::size_t>(size_ + 2), 0.0F);
+  edges_.clear();
   crossings_.clear();
 }
 
 void PatchPainter::add(const Vector2d& from, const Vector2d& to) {
-  const double left = x_ - margin_ - 0.5, top = y_ - margin_ - 0.5, size = size_;
-  double x0 = kFields * (from.x() - left), y0 = kFields * (from.y() - top);
-  double x1 = kFields * (to.x() - left), y1 = kFields * (to.y() - top);
-  if (std::max(y0, y1) <= 0.0 || std::min(y0, y1) >= size || std::min(x0, x1) >= size ||
-      std::max(x0, x1) < 0.0)
+  const double left = x_ - margin_ - 0.5, top = y_ - margin_ - 0.5;
+  const double wide = kPatch + 2 * margin_, tall = size_;
+  double xa = from.x() - left, ya = kFields * (from.y() - top);
+  double xb = to.x() - left, yb = kFields * (to.y() - top);
+  if (std::max(ya, yb) <= 0.0 || std::min(ya, yb) >= tall || std::min(xa, xb) >= wide ||
+      std::max(xa, xb) < 0.0)
     return;
-  const float sign = y0 > y1 ? 1.0F : -1.0F;
+  const double slope = ya == yb ? 0.0 : (xb - xa) / (yb - ya);
   const auto cut_at_row = [&](double row, double& x, double& y) {
-    x = x0 + (x1 - x0) * (row - y0) / (y1 - y0);
+    x += slope * (row - y);
     y = row;
   };
-  double xa = x0, ya = y0, xb = x1, yb = y1;
   if (ya < 0.0) cut_at_row(0.0, xa, ya);
   if (yb < 0.0) cut_at_row(0.0, xb, yb);
-  if (ya > size) cut_at_row(size, xa, ya);
-  if (yb > size) cut_at_row(size, xb, yb);
+  if (ya > tall) cut_at_row(tall, xa, ya);
+  if (yb > tall) cut_at_row(tall, xb, yb);
   if ((xa < 0.0) != (xb < 0.0)) {
-    const double row = ya + (yb - ya) * xa / (xa - xb);
-    crossings_.push_back({std::clamp(row, 0.0, size), xa < 0.0 ? 1.0F : -1.0F});
-    (xa < 0.0 ? xa : xb) = 0.0;
-    (x0 < x1 ? ya : yb) = row;
+    const double row = std::clamp(ya + (yb - ya) * xa / (xa - xb), 0.0, tall);
+    const bool goes_in = xa < 0.0;
+    crossings_.push_back({row, goes_in ? 1.0F : -1.0F});
+    (goes_in ? xa : xb) = 0.0;
+    (goes_in ? ya : yb) = row;
   } else if (xa < 0.0) {
     return;
   }
-  if (xa > size && xb > size) return;
-  if ((xa > size) != (xb > size)) {
-    const double row = ya + (yb - ya) * (size - xa) / (xb - xa);
-    (xa > size ? ya : yb) = row;
-    (xa > size ? xa : xb) = size;
+  if (xa > wide && xb > wide) return;
+  if ((xa > wide) != (xb > wide)) {
+    const double row = ya + (yb - ya) * (wide - xa) / (xb - xa);
+    (xa > wide ? ya : yb) = row;
+    (xa > wide ? xa : xb) = wide;
   }
-  if (ya == yb) return;
-  if (ya < yb)
-    accumulate(xa, ya, xb, yb, sign);
-  else
-    accumulate(xb, yb, xa, ya, sign);
-}
-
-/// The change of ink that a piece brings to the fields of one row, of which it covers `cover`, on
-/// its way from x to `next`.
-void PatchPainter::cover_row(float* change, float x, float next, float cover) {
-  const float low = std::min(x, next), high = std::max(x, next);
-  const int first = static_cast<int>(low);
-  if (high <= static_cast<float>(first + 1)) {
-    const float right = 0.5F * (low + high) - static_cast<float>(first);
-    change[first] += cover - cover * right;
-    change[first + 1] += cover * right;
-    return;
-  }
-  // The fields it crosses from side to side have equal shares of its height; of each share, half is
-  // to the field's right.
-  int last = static_cast<int>(high);
-  if (static_cast<float>(last) == high) --last;
-  const float share = 1.0F / (high - low);
-  const float enters = static_cast<float>(first + 1) - low;
-  const float leaves = high - static_cast<float>(last);
-  const float begin = 0.5F * share * enters * enters, end = 0.5F * share * leaves * leaves;
-  // What has been passed on so far, up to the field at hand.
-  change[first] += cover * begin;
-  float given = begin;
-  float level = share * (enters + 0.5F);  // of the next field, if it is crossed
-  for (int field = first + 1; field < last; ++field, level += share) {
-    change[field] += cover * (level - given);
-    given = level;
-  }
-  change[last] += cover * (1.0F - end - given);
-  change[last + 1] += cover * end;
-}
-
-/// A piece that goes down, within the grid: in every row, the change of ink that it brings to each
-/// field and to all fields on the right of it (signed areas, as font rasterisers keep them).
-void PatchPainter::accumulate(double x0, double y0, double x1, double y1, float sign) {
-  const auto slope = static_cast<float>((x1 - x0) / (y1 - y0));
-  const auto size = static_cast<float>(size_);
-  const int first = std::max(0, static_cast<int>(y0));
-  const int last = std::min(size_ - 1, static_cast<int>(y1));
-  float* change = &grid_[static_cast<std::size_t>(first * (size_ + 2))];
-  auto x = static_cast<float>(x0);
-  const auto down = [&](float height) {
-    const float next = std::clamp(x + slope * height, 0.0F, size);
-    cover_row(change, x, next, height * sign);
-    change += size_ + 2;
-    x = next;
+  const auto edge = [&](double x, double first, double last, float sign) {
+    edges_.push_back({static_cast<float>(x), static_cast<float>(slope), static_cast<float>(first),
+                      static_cast<float>(last), sign});
   };
-  if (first >= last) {
-    if (first == last) down(static_cast<float>(y1 - y0));
-    return;
-  }
-  down(static_cast<float>(first + 1.0 - y0));
-  for (int row = first + 1; row < last; ++row) down(1.0F);
-  if (y1 > last) down(static_cast<float>(y1 - last));
+  // Upwards, ink is on the right.
+  if (ya < yb) edge(xa, ya, yb, -1.0F);
+  if (yb < ya) edge(xb, yb, ya, 1.0F);
 }
 
-void PatchPainter::fill_rows(const std::function<bool(const Vector2d&)>& is_black) {
+/// Ink at the left end of the first row.
+float PatchPainter::first_ink(const std::function<bool(const Vector2d&)>& is_black) {
   std::sort(crossings_.begin(), crossings_.end(),
             [](const Crossing& a, const Crossing& b) { return a.row < b.row; });
   // Ask in the middle of the widest gap between crossings.
@@ -188,69 +172,68 @@ void PatchPainter::fill_rows(const std::function<bool(const Vector2d&)>& is_blac
   float ink = is_black(corner + Vector2d(0.0, asked / kFields)) ? 1.0F : 0.0F;
   for (const Crossing& crossing : crossings_)
     if (crossing.row < asked) ink -= crossing.jump;
+  return ink;
+}
 
-  starts_.resize(static_cast<std::size_t>(size_));
+/// Ink at the rows' left ends, if all is `down` by so many rows.
+void PatchPainter::find_starts(float ink, double down, float weight) {
   std::size_t next = 0;
   for (int row = 0; row < size_; ++row) {
     float start = ink;
-    for (; next < crossings_.size() && crossings_[next].row < row + 1.0; ++next) {
-      start += crossings_[next].jump * static_cast<float>(row + 1.0 - crossings_[next].row);
+    for (; next < crossings_.size() && crossings_[next].row + down < row + 1.0; ++next) {
+      const auto below = static_cast<float>(row + 1.0 - crossings_[next].row - down);
+      start += crossings_[next].jump * std::min(below, 1.0F);
       ink += crossings_[next].jump;
     }
-    starts_[static_cast<std::size_t>(row)] = start;
-  }
-  // From changes to shares; rows side by side, since each sum waits for the one before it.
-  constexpr int kAtOnce = 4;
-  static_assert(kFields * kPatch % kAtOnce == 0 && kFields * 2 % kAtOnce == 0);
-  const int stride = size_ + 2;
-  for (int row = 0; row < size_; row += kAtOnce) {
-    float* share = &grid_[static_cast<std::size_t>(row * stride)];
-    std::array<float, kAtOnce> sum;
-    std::copy_n(&starts_[static_cast<std::size_t>(row)], kAtOnce, sum.begin());
-    for (int i = 0; i < size_; ++i)
-      for (int k = 0; k < kAtOnce; ++k)
-        share[k * stride + i] = sum[static_cast<std::size_t>(k)] += share[k * stride + i];
+    starts_[static_cast<std::size_t>(row)] = weight * start;
   }
 }
 
-void PatchPainter::smear() {
-  const double length = smear_.norm();
-  if (length <= 0.0) return;
-  const int steps = std::max(2, static_cast<int>(std::ceil(kFields * length)));
-  const int stride = size_ + 2;
-  scratch_.assign(grid_.size(), 0.0F);
-  for (int k = 0; k < steps; ++k) {
-    const Vector2d shift = kFields * ((k + 0.5) / steps - 0.5) * smear_;
-    const int dx = static_cast<int>(std::floor(shift.x())),
-              dy = static_cast<int>(std::floor(shift.y()));
-    const auto fx = static_cast<float>(shift.x() - dx), fy = static_cast<float>(shift.y() - dy);
-    const float weight = 1.0F / static_cast<float>(steps);
-    const float w00 = weight * (1 - fx) * (1 - fy), w01 = weight * fx * (1 - fy);
-    const float w10 = weight * (1 - fx) * fy, w11 = weight * fx * fy;
-    const int x_begin = std::max(0, -dx), x_end = std::min(size_, size_ - 1 - dx);
-    for (int y = std::max(0, -dy); y < std::min(size_, size_ - 1 - dy); ++y) {
-      const float* a = &grid_[static_cast<std::size_t>((y + dy) * stride)];
-      const float* b = a + stride;
-      float* to = &scratch_[static_cast<std::size_t>(y * stride)];
-      for (int x = x_begin; x < x_end; ++x)
-        to[x] += w00 * a[x + dx] + w01 * a[x + dx + 1] + w10 * b[x + dx] + w11 * b[x + dx + 1];
-    }
+/// The edges moved by a way of so many pixels, as far as they remain in the rows.
+void PatchPainter::move_edges(const Vector2d& way, float weight) {
+  const auto right = static_cast<float>(way.x()), down = static_cast<float>(kFields * way.y());
+  const auto tall = static_cast<float>(size_);
+  moved_.clear();
+  for (kernels::PatchEdge edge : edges_) {
+    const float top = std::max(0.0F, edge.top + down);
+    edge.x += right + edge.slope * (top - edge.top - down);
+    edge.top = top;
+    edge.bottom = std::min(tall, edge.bottom + down);
+    edge.sign *= weight;
+    if (edge.top < edge.bottom) moved_.push_back(edge);
   }
-  grid_.swap(scratch_);
 }
 
 void PatchPainter::finish(const std::function<bool(const Vector2d&)>& is_black,
                           PatchPicture& picture) {
-  fill_rows(is_black);
-  smear();
   static_assert(kPatch == kernels::kSide);
-  const auto half = static_cast<std::size_t>(size_ / 2);
-  blurred_.resize((2 + 6 * kPatch) * half);
-  kernels::blur_patch(grid_.data(), static_cast<std::size_t>(size_ + 2),
-                      static_cast<std::size_t>(margin_),
-                      {value_.data(), slope_.data(), bend_.data(), value_.size()}, blurred_.data(),
-                      {picture.ink.data(), picture.by_x.data(), picture.by_y.data(),
-                       picture.by_xx.data(), picture.by_xy.data(), picture.by_yy.data()});
+  const kernels::Steps steps{steps_.data(), static_cast<std::size_t>(2 * far_ + 4),
+                             static_cast<float>(margin_ + far_) + 0.5F};
+  const kernels::Taps taps{value_.data(), slope_.data(), bend_.data(), value_.size()};
+  const auto draw = [&](const std::vector<kernels::PatchEdge>& edges, bool first, bool last) {
+    kernels::draw_patch(
+        edges.data(), edges.size(), starts_.data(), static_cast<std::size_t>(margin_), steps, taps,
+        !first, rows_.front().values.data(),
+        last ? kernels::Channels{picture.ink.data(), picture.by_x.data(), picture.by_y.data(),
+                                 picture.by_xx.data(), picture.by_xy.data(), picture.by_yy.data()}
+             : kernels::Channels{});
+  };
+  const float ink = first_ink(is_black);
+  const double length = smear_.norm();
+  if (length <= 0.0) {
+    find_starts(ink, 0.0, 1.0F);
+    draw(edges_, true, true);
+    return;
+  }
+  // What is smeared is drawn at some places along its way.
+  const int places = std::max(2, static_cast<int>(std::ceil(kFields * length)));
+  for (int k = 0; k < places; ++k) {
+    const Vector2d way = ((k + 0.5) / places - 0.5) * smear_;
+    const float weight = 1.0F / static_cast<float>(places);
+    find_starts(ink, kFields * way.y(), weight);
+    move_edges(way, weight);
+    draw(moved_, k == 0, k + 1 == places);
+  }
 }
 
 }  // namespace harco

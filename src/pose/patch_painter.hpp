@@ -8,6 +8,8 @@
 
 #include <Eigen/Core>
 
+#include "pose/kernels/patch_loops.hpp"
+
 namespace harco {
 
 /// Side of a patch, pixels.
@@ -59,22 +61,28 @@ class PatchPainter {
     double row;
     float jump;
   };
+  /// Of the scratch memory: a row of half pixels.
+  struct alignas(64) Row {
+    std::array<float, 3 * kPatch> values;
+  };
 
-  static void cover_row(float* change, float x, float next, float cover);
-  void accumulate(double x0, double y0, double x1, double y1, float sign);
-  void fill_rows(const std::function<bool(const Eigen::Vector2d&)>& is_black);
-  void smear();
+  void set_steps(double variance);
+  void set_taps(double sigma, int taps);
+  float first_ink(const std::function<bool(const Eigen::Vector2d&)>& is_black);
+  void find_starts(float ink, double down, float weight);
+  void move_edges(const Eigen::Vector2d& way, float weight);
 
   int margin_ = 0;  ///< pixels
-  int size_ = 0;    ///< of the grid of half pixels
+  int size_ = 0;    ///< of all with the margin, half pixels
+  int far_ = 0;     ///< how far from the first pixel an edge can be, pixels
   Eigen::Vector2d smear_ = Eigen::Vector2d::Zero();
-  std::vector<float> value_, slope_,
-      bend_;  ///< of the blur at the distances 1/2, 3/2 ... half pixels
+  std::vector<float> steps_;                 ///< table of kernels::Steps
+  std::vector<float> value_, slope_, bend_;  ///< of the blur at 1/2, 3/2 ... half pixels
   int x_ = 0, y_ = 0;
-  std::vector<float> grid_;    ///< size_ rows of changes, later of shares
-  std::vector<float> starts_;  ///< ink at the rows' left ends
-  std::vector<float> scratch_, blurred_;
+  std::vector<kernels::PatchEdge> edges_, moved_;
   std::vector<Crossing> crossings_;
+  std::vector<float> starts_;  ///< ink at the rows' left ends
+  std::vector<Row> rows_;
 };
 
 }  // namespace harco

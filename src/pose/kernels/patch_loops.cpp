@@ -1,5 +1,7 @@
 #include "pose/kernels/patch_loops.hpp"
 
+#include <cstdint>
+
 // Highway compiles this file once for every instruction set.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "pose/kernels/patch_loops.cpp"
@@ -16,57 +18,190 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Lanes = float __attribute__((vector_size(64)));  // g++'s and clang's own
 constexpr std::size_t kLanes = 16;
 
-template <std::size_t kColumns>
-HWY_INLINE void products(const float* HWY_RESTRICT a, const float* const* columns,
-                         std::size_t first, std::size_t count, float* HWY_RESTRICT sums) {
-  Lanes lanes[kColumns] = {};
-  std::size_t i = 0;
-  for (; i + kLanes <= count; i += kLanes) {
-    Lanes left;
-    __builtin_memcpy(&left, a + i, sizeof left);
+// By reference: targets differ in how they would hand vectors over.
+HWY_INLINE void load(const float* from, Lanes& lanes) {
+  __builtin_memcpy(&lanes, from, sizeof lanes);
+}
+
+HWY_INLINE float sum_of(const Lanes& l) {
+  float halves[8];
+  for (std::size_t k = 0; k < 8; ++k) halves[k] = l[k] + l[k + 8];
+  return ((halves[0] + halves[4]) + (halves[2] + halves[6])) +
+         ((halves[1] + halves[5]) + (halves[3] + halves[7]));
+}
+
+/// Of whole vectors: sums[r * stride + c] += rows[r] * columns[c], lane by lane.
+template <std::size_t kRows, std::size_t kColumns>
+HWY_INLINE void products(const float* const* rows, const float* const* columns, std::size_t count,
+                         Lanes* HWY_RESTRICT sums, std::size_t stride) {
+  Lanes lanes[kRows][kColumns];
+  for (std::size_t r = 0; r < kRows; ++r)
+    for (std::size_t c = 0; c < kColumns; ++c) lanes[r][c] = sums[r * stride + c];
+  for (std::size_t i = 0; i < count; i += kLanes) {
+    Lanes left[kRows];
+#pragma GCC unroll 4
+    for (std::size_t r = 0; r < kRows; ++r) load(rows[r] + i, left[r]);
 #pragma GCC unroll 4
     for (std::size_t c = 0; c < kColumns; ++c) {
       Lanes right;
-      __builtin_memcpy(&right, columns[c] + first + i, sizeof right);
-      lanes[c] += left * right;
+      load(columns[c] + i, right);
+#pragma GCC unroll 4
+      for (std::size_t r = 0; r < kRows; ++r) lanes[r][c] += left[r] * right;
     }
   }
-  for (std::size_t c = 0; c < kColumns; ++c) {
-    const Lanes& l = lanes[c];
-    float rest = 0.0F;
-    for (std::size_t k = i; k < count; ++k) rest += a[k] * columns[c][first + k];
-    float halves[8];
-    for (std::size_t k = 0; k < 8; ++k) halves[k] = l[k] + l[k + 8];
-    sums[c] += (((halves[0] + halves[4]) + (halves[2] + halves[6])) +
-                ((halves[1] + halves[5]) + (halves[3] + halves[7]))) +
-               rest;
+  for (std::size_t r = 0; r < kRows; ++r)
+    for (std::size_t c = 0; c < kColumns; ++c) sums[r * stride + c] = lanes[r][c];
+}
+
+// As many rows and columns at once as the registers hold; sums are the same whatever they are.
+#if HWY_TARGET <= HWY_AVX3
+constexpr std::size_t kTile = 4;
+#else
+constexpr std::size_t kTile = 2;
+#endif
+
+// Of all columns, what the first cache holds.
+constexpr std::size_t kBlock = 256;
+
+/// Whole vectors of at most a block, weighted: what is on the left of the diagonal, and a few more.
+template <std::size_t kRows>
+HWY_INLINE void products_of_rows(const float* HWY_RESTRICT weights, const float* const* columns,
+                                 std::size_t first, std::size_t count, Lanes* HWY_RESTRICT sums,
+                                 std::size_t stride) {
+  alignas(64) float weighted[kRows][kBlock];
+  const float* rows[kRows];
+  for (std::size_t r = 0; r < kRows; ++r) {
+    rows[r] = weighted[r];
+    for (std::size_t i = 0; i < count; ++i) weighted[r][i] = weights[i] * columns[first + r][i];
   }
+  sums += first * stride;
+  std::size_t c = 0;
+  for (; c + kTile <= first + kRows; c += kTile)
+    products<kRows, kTile>(rows, columns + c, count, sums + c, stride);
+  for (; c < first + kRows; ++c) products<kRows, 1>(rows, columns + c, count, sums + c, stride);
+}
+
+void products_of_block(const float* HWY_RESTRICT weights, const float* const* columns,
+                       std::size_t n, std::size_t count, Lanes* HWY_RESTRICT sums) {
+  std::size_t a = 0;
+  for (; a + kTile <= n; a += kTile) products_of_rows<kTile>(weights, columns, a, count, sums, n);
+  for (; a < n; ++a) products_of_rows<1>(weights, columns, a, count, sums, n);
 }
 
 void normal_products_on(const float* HWY_RESTRICT weights, const float* const* columns,
                         std::size_t n, std::size_t count, float* HWY_RESTRICT sums) {
-  constexpr std::size_t kBlock = 512;  // of all columns, that the first cache holds
-  float weighted[kBlock];
-  for (std::size_t k = 0; k < n * n; ++k) sums[k] = 0.0F;
-  for (std::size_t first = 0; first < count; first += kBlock) {
-    const std::size_t length = count - first < kBlock ? count - first : kBlock;
-    for (std::size_t a = 1; a < n; ++a) {
-      const float* HWY_RESTRICT row = columns[a] + first;
-      for (std::size_t i = 0; i < length; ++i) weighted[i] = weights[first + i] * row[i];
-      std::size_t k = 0;
-      for (; k + 4 <= a + 1; k += 4)
-        products<4>(weighted, columns + k, first, length, sums + a * n + k);
-      for (; k <= a; ++k) products<1>(weighted, columns + k, first, length, sums + a * n + k);
-    }
+  Lanes lanes[kMostColumns * kMostColumns];
+  for (std::size_t k = 0; k < n * n; ++k) lanes[k] = Lanes{};
+  const float* at[kMostColumns];
+  const std::size_t whole = count - count % kLanes;
+  for (std::size_t first = 0; first < whole; first += kBlock) {
+    const std::size_t length = whole - first < kBlock ? whole - first : kBlock;
+    for (std::size_t k = 0; k < n; ++k) at[k] = columns[k] + first;
+    products_of_block(weights + first, at, n, length, lanes);
   }
+  if (whole < count) {
+    alignas(64) float rest[kMostColumns + 1][kLanes] = {};
+    for (std::size_t k = 0; k < n; ++k) {
+      for (std::size_t i = whole; i < count; ++i) rest[k][i - whole] = columns[k][i];
+      at[k] = rest[k];
+    }
+    for (std::size_t i = whole; i < count; ++i) rest[n][i - whole] = weights[i];
+    products_of_block(rest[n], at, n, kLanes, lanes);
+  }
+  for (std::size_t a = 0; a < n; ++a)
+    for (std::size_t b = 0; b < n; ++b) sums[a * n + b] = b <= a ? sum_of(lanes[a * n + b]) : 0.0F;
+}
+
+void column_sums_on(const float* HWY_RESTRICT weights, const float* const* columns, std::size_t n,
+                    std::size_t first, std::size_t count, float* HWY_RESTRICT sums) {
+  const std::size_t whole = count - count % kLanes;
+  const float* from[1] = {weights + first};
+  const float* at[4];
+  for (std::size_t k = 0; k < n; k += 4) {
+    const std::size_t some = n - k < 4 ? n - k : 4;
+    for (std::size_t c = 0; c < some; ++c) {
+      at[c] = columns[k + c] + first;
+      float rest = 0.0F;
+      for (std::size_t i = whole; i < count; ++i) rest += from[0][i] * at[c][i];
+      sums[k + c] = rest;
+    }
+    Lanes lanes[4] = {};
+    if (some == 4)
+      products<1, 4>(from, at, whole, lanes, n);
+    else
+      for (std::size_t c = 0; c < some; ++c) products<1, 1>(from, at + c, whole, lanes + c, n);
+    for (std::size_t c = 0; c < some; ++c) sums[k + c] += sum_of(lanes[c]);
+  }
+}
+
+void tukey_sums_on(const float* HWY_RESTRICT residuals, float inverse_variance, float inverse_limit,
+                   std::size_t count, TukeySums& sums) {
+  Lanes loss = {}, weight = {}, slope = {}, square = {};
+  const auto take = [&](const Lanes& r) {
+    const Lanes z2 = r * r * inverse_variance;
+    Lanes q = 1.0F - z2 * inverse_limit;
+    q = q > 0.0F ? q : Lanes{};
+    const Lanes w = q * q;
+    loss += q * w;
+    weight += w;
+    slope += q * (5.0F * q - 4.0F);
+    square += z2 * w * w;
+  };
+  std::size_t i = 0;
+  Lanes some;
+  for (; i + kLanes <= count; i += kLanes) {
+    load(residuals + i, some);
+    take(some);
+  }
+  float missing = 0.0F;
+  if (i < count) {
+    alignas(64) float rest[kLanes];
+    for (std::size_t k = 0; k < kLanes; ++k) rest[k] = i + k < count ? residuals[i + k] : 0.0F;
+    missing = static_cast<float>(kLanes - (count - i));  // that fit well
+    load(rest, some);
+    take(some);
+  }
+  sums.cubed = sum_of(loss) - missing;
+  sums.weight = sum_of(weight) - missing;
+  sums.slope = sum_of(slope) - missing;
+  sums.square = sum_of(square);
+}
+
+float median_size_on(const float* HWY_RESTRICT values, std::size_t count) {
+  // Sizes of floats are in the order of their bits: the least one that more than half of all do
+  // not exceed, bit by bit.
+  using Bits = std::int32_t __attribute__((vector_size(64)));
+  const std::size_t whole = count - count % kLanes, wanted = count / 2 + 1;
+  std::uint32_t found = 0;
+  for (std::uint32_t bit = 1U << 30U; bit != 0; bit >>= 1U) {
+    const std::uint32_t limit = found + (bit - 1U);
+    Bits below = {};
+    std::size_t i = 0;
+    for (; i < whole; i += kLanes) {
+      Bits bits;
+      __builtin_memcpy(&bits, values + i, sizeof bits);
+      below -= (bits & 0x7fffffff) <= static_cast<std::int32_t>(limit);
+    }
+    std::size_t number = 0;
+    for (std::size_t k = 0; k < kLanes; ++k) number += static_cast<std::size_t>(below[k]);
+    for (; i < count; ++i) {
+      std::uint32_t bits = 0;
+      __builtin_memcpy(&bits, values + i, sizeof bits);
+      number += (bits & 0x7fffffffU) <= limit ? 1 : 0;
+    }
+    if (number < wanted) found += bit;
+  }
+  float result = 0.0F;
+  __builtin_memcpy(&result, &found, sizeof result);
+  return result;
 }
 
 void subtract_rows_on(const float* HWY_RESTRICT from, const float* const* columns,
                       const float* HWY_RESTRICT by, std::size_t n, std::size_t count,
                       float* HWY_RESTRICT left) {
-  constexpr std::size_t kBlock = 1024;
-  for (std::size_t first = 0; first < count; first += kBlock) {
-    const std::size_t last = count - first < kBlock ? count : first + kBlock;
+  constexpr std::size_t kRun = 1024;
+  for (std::size_t first = 0; first < count; first += kRun) {
+    const std::size_t last = count - first < kRun ? count : first + kRun;
     for (std::size_t i = first; i < last; ++i) left[i] = from[i];
     std::size_t k = 0;
     for (; k + 4 <= n; k += 4) {
@@ -199,71 +334,89 @@ void light_rows_on(const LitSamples& at, const LightTerms& light, float gain, st
   });
 }
 
-/// Along the rows: what each pixel's column of a patch sees of every row of half pixels.
-HWY_INLINE void blur_rows(const float* HWY_RESTRICT grid, std::size_t stride, std::size_t margin,
-                          const Taps& taps, float* HWY_RESTRICT halves, float* HWY_RESTRICT value,
-                          float* HWY_RESTRICT slope, float* HWY_RESTRICT bend) {
-  const std::size_t half = kSide + 2 * margin;
-  float* HWY_RESTRICT even = halves;
-  float* HWY_RESTRICT odd = halves + half;
-  for (std::size_t row = 0; row < 2 * half; ++row) {
-    const float* HWY_RESTRICT share = grid + row * stride;
-    for (std::size_t i = 0; i < half; ++i) {
-      even[i] = share[2 * i];
-      odd[i] = share[2 * i + 1];
+static_assert(kSide == kLanes);
+
+/// What the pixels' columns see of a row of half pixels, and the first two derivatives.
+struct RowOfHalves {
+  Lanes value, slope, bend;
+};
+
+/// From x on, `height` more ink; x spread evenly with the variance 2 * `spread`.
+HWY_INLINE void cross(const Steps& steps, float x, float height, float spread, RowOfHalves& row) {
+  const float at = steps.origin - x;
+  const auto nearest = static_cast<std::size_t>(at * Steps::kPhases + 0.5F);
+  const float off = at - static_cast<float>(nearest) * (1.0F / Steps::kPhases);
+  const float* from =
+      steps.table + (nearest % Steps::kPhases) * 3 * steps.stride + nearest / Steps::kPhases;
+  Lanes value, slope, bend;
+  load(from, value);
+  load(from + steps.stride, slope);
+  load(from + 2 * steps.stride, bend);
+  const float second = 0.5F * off * off + spread;
+  row.value += height * (value + (off * slope + second * bend));
+  row.slope += height * (slope + off * bend);
+  row.bend += height * bend;
+}
+
+HWY_INLINE void draw_edge(const PatchEdge& edge, const Steps& steps, RowOfHalves* rows) {
+  constexpr float kFlattest = 0.75F;  // that one crossing goes sideways, pixels
+  const auto first = static_cast<int>(edge.top);
+  const float size = edge.slope < 0.0F ? -edge.slope : edge.slope;
+  for (int row = first; static_cast<float>(row) < edge.bottom; ++row) {
+    const auto above = static_cast<float>(row);
+    const float top = edge.top > above ? edge.top : above;
+    const float bottom = edge.bottom < above + 1.0F ? edge.bottom : above + 1.0F;
+    const float height = bottom - top, wide = size * height;
+    const float middle = edge.x + edge.slope * (0.5F * (top + bottom) - edge.top);
+    if (wide <= kFlattest) {
+      cross(steps, middle, edge.sign * height, wide * wide * (1.0F / 24.0F), rows[row]);
+      continue;
     }
-    float v[kSide] = {}, s[kSide] = {}, b[kSide] = {};
-    for (std::size_t j = 0; j < taps.count; ++j) {
-      // The half pixels at distance j + 1/2 on both sides of a pixel's middle.
-      const float* left = j % 2 == 0 ? even + margin - j / 2 : odd + margin - (j + 1) / 2;
-      const float* right = j % 2 == 0 ? odd + margin + j / 2 : even + margin + (j + 1) / 2;
-      const float tv = taps.value[j], ts = taps.slope[j], tb = taps.bend[j];
-      for (std::size_t x = 0; x < kSide; ++x) {
-        const float sum = left[x] + right[x];
-        v[x] += tv * sum;
-        s[x] += ts * (right[x] - left[x]);
-        b[x] += tb * sum;
-      }
-    }
-    for (std::size_t x = 0; x < kSide; ++x) {
-      value[row * kSide + x] = v[x];
-      slope[row * kSide + x] = s[x];
-      bend[row * kSide + x] = b[x];
-    }
+    const int parts = static_cast<int>(wide * (1.0F / kFlattest)) + 1;
+    const float share = 1.0F / static_cast<float>(parts);
+    const float step = edge.slope * height * share;
+    const float spread = step * step * (1.0F / 24.0F);
+    float x = middle - 0.5F * step * static_cast<float>(parts - 1);
+    for (int k = 0; k < parts; ++k, x += step)
+      cross(steps, x, edge.sign * height * share, spread, rows[row]);
   }
 }
 
-void blur_patch_on(const float* HWY_RESTRICT grid, std::size_t stride, std::size_t margin,
-                   const Taps& taps, float* HWY_RESTRICT scratch, const Channels& to) {
-  const std::size_t half = kSide + 2 * margin;
-  float* HWY_RESTRICT value = scratch + 2 * half;
-  float* HWY_RESTRICT slope = value + 2 * half * kSide;
-  float* HWY_RESTRICT bend = slope + 2 * half * kSide;
-  blur_rows(grid, stride, margin, taps, scratch, value, slope, bend);
+void draw_patch_on(const PatchEdge* edges, std::size_t count, const float* HWY_RESTRICT starts,
+                   std::size_t margin, const Steps& steps, const Taps& taps, bool more,
+                   float* HWY_RESTRICT scratch, const Channels& to) {
+  const std::size_t halves = 2 * (kSide + 2 * margin);
+  auto* rows = reinterpret_cast<RowOfHalves*>(scratch);
+  for (std::size_t row = 0; row < halves; ++row) {
+    if (!more) rows[row].value = rows[row].slope = rows[row].bend = Lanes{};
+    rows[row].value += starts[row];
+  }
+  for (std::size_t k = 0; k < count; ++k) draw_edge(edges[k], steps, rows);
+  if (to.ink == nullptr) return;
+  const auto store = [](const Lanes& lanes, float* at) {
+    __builtin_memcpy(at, &lanes, sizeof lanes);
+  };
   for (std::size_t y = 0; y < kSide; ++y) {
-    float ink[kSide] = {}, by_x[kSide] = {}, by_y[kSide] = {};
-    float by_xx[kSide] = {}, by_xy[kSide] = {}, by_yy[kSide] = {};
-    for (std::size_t j = 0; j < taps.count; ++j) {
-      const std::size_t above = (2 * (y + margin) - j) * kSide;
-      const std::size_t below = (2 * (y + margin) + 1 + j) * kSide;
+    Lanes ink = {}, by_x = {}, by_y = {}, by_xx = {}, by_xy = {}, by_yy = {};
+    const RowOfHalves* above = rows + 2 * (y + margin);
+    const RowOfHalves* below = above + 1;
+    for (std::size_t j = 0; j < taps.count; ++j, --above, ++below) {
       const float tv = taps.value[j], ts = taps.slope[j], tb = taps.bend[j];
-      for (std::size_t x = 0; x < kSide; ++x) {
-        const float v = value[above + x] + value[below + x];
-        ink[x] += tv * v;
-        by_yy[x] += tb * v;
-        by_y[x] += ts * (value[below + x] - value[above + x]);
-      }
-      for (std::size_t x = 0; x < kSide; ++x) {
-        by_x[x] += tv * (slope[above + x] + slope[below + x]);
-        by_xy[x] += ts * (slope[below + x] - slope[above + x]);
-        by_xx[x] += tv * (bend[above + x] + bend[below + x]);
-      }
+      const Lanes value = above->value + below->value, slope = above->slope + below->slope;
+      ink += tv * value;
+      by_yy += tb * value;
+      by_y += ts * (below->value - above->value);
+      by_x += tv * slope;
+      by_xy += ts * (below->slope - above->slope);
+      by_xx += tv * (above->bend + below->bend);
     }
-    for (std::size_t x = 0; x < kSide; ++x) {
-      const std::size_t at = y * kSide + x;
-      to.ink[at] = ink[x], to.by_x[at] = by_x[x], to.by_y[at] = by_y[x];
-      to.by_xx[at] = by_xx[x], to.by_xy[at] = by_xy[x], to.by_yy[at] = by_yy[x];
-    }
+    const std::size_t at = y * kSide;
+    store(ink, to.ink + at);
+    store(by_x, to.by_x + at);
+    store(by_y, to.by_y + at);
+    store(by_xx, to.by_xx + at);
+    store(by_xy, to.by_xy + at);
+    store(by_yy, to.by_yy + at);
   }
 }
 
@@ -274,12 +427,15 @@ HWY_AFTER_NAMESPACE();
 namespace harco::kernels {
 
 HWY_EXPORT(normal_products_on);
+HWY_EXPORT(column_sums_on);
+HWY_EXPORT(tukey_sums_on);
+HWY_EXPORT(median_size_on);
 HWY_EXPORT(subtract_rows_on);
 HWY_EXPORT(huber_weights_on);
 HWY_EXPORT(tukey_weights_on);
 HWY_EXPORT(flow_rows_on);
 HWY_EXPORT(light_rows_on);
-HWY_EXPORT(blur_patch_on);
+HWY_EXPORT(draw_patch_on);
 
 void normal_products(const float* weights, const float* const* columns, std::size_t n,
                      std::size_t count, float* sums) {
@@ -312,9 +468,27 @@ void light_rows(const LitSamples& samples, const LightTerms& light, float gain, 
   HWY_DYNAMIC_DISPATCH(light_rows_on)(samples, light, gain, first, count);
 }
 
-void blur_patch(const float* grid, std::size_t stride, std::size_t margin, const Taps& taps,
-                float* scratch, const Channels& to) {
-  HWY_DYNAMIC_DISPATCH(blur_patch_on)(grid, stride, margin, taps, scratch, to);
+void draw_patch(const PatchEdge* edges, std::size_t count, const float* starts, std::size_t margin,
+                const Steps& steps, const Taps& taps, bool more, float* scratch,
+                const Channels& to) {
+  HWY_DYNAMIC_DISPATCH(draw_patch_on)
+  (edges, count, starts, margin, steps, taps, more, scratch, to);
+}
+
+void column_sums(const float* weights, const float* const* columns, std::size_t n,
+                 std::size_t first, std::size_t count, float* sums) {
+  HWY_DYNAMIC_DISPATCH(column_sums_on)(weights, columns, n, first, count, sums);
+}
+
+TukeySums tukey_sums(const float* residuals, float inverse_variance, float inverse_limit,
+                     std::size_t count) {
+  TukeySums sums{};
+  HWY_DYNAMIC_DISPATCH(tukey_sums_on)(residuals, inverse_variance, inverse_limit, count, sums);
+  return sums;
+}
+
+float median_size(const float* values, std::size_t count) {
+  return count == 0 ? 0.0F : HWY_DYNAMIC_DISPATCH(median_size_on)(values, count);
 }
 
 }  // namespace harco::kernels

@@ -6,10 +6,28 @@
 
 namespace harco::kernels {
 
+/// Of these are no more than so many.
+inline constexpr std::size_t kMostColumns = 32;
+
 /// sums[a * n + b] = sum over i < count of weights[i] * columns[a][i] * columns[b][i], for
-/// 1 <= a < n and b <= a; the rest is zero. So columns[0] may be what is to be explained.
+/// b <= a < n; the rest is zero.
 void normal_products(const float* weights, const float* const* columns, std::size_t n,
                      std::size_t count, float* sums);
+
+/// sums[k] = sum of weights[i] * columns[k][i] over count samples from the first on, for k < n.
+void column_sums(const float* weights, const float* const* columns, std::size_t n,
+                 std::size_t first, std::size_t count, float* sums);
+
+/// With q = 1 - z^2 / limit, none below zero: the sums of q^3 and q^2 (Tukey's weight), of the
+/// derivative q (5 q - 4) of z q^2, and of its square, z^2 q^4.
+struct TukeySums {
+  float cubed, weight, slope, square;
+};
+TukeySums tukey_sums(const float* residuals, float inverse_variance, float inverse_limit,
+                     std::size_t count);
+
+/// Median of |values|, the upper one of two; zero of none.
+float median_size(const float* values, std::size_t count);
 
 /// left = from - sum over k < n of by[k] * columns[k], for i < count.
 void subtract_rows(const float* from, const float* const* columns, const float* by, std::size_t n,
@@ -79,9 +97,28 @@ struct Channels {
   float *ink, *by_x, *by_y, *by_xx, *by_xy, *by_yy;  ///< kSide x kSide each
 };
 
-/// `grid` has 2 (kSide + 2 margin) rows of half pixels, `stride` apart, of which as many columns
-/// are read. `scratch` holds (2 + 2 * 3) * (kSide + 2 margin) * 2 * kSide values or more.
-void blur_patch(const float* grid, std::size_t stride, std::size_t margin, const Taps& taps,
-                float* scratch, const Channels& to);
+/// Part of an outline that goes down through a patch: x in pixels from the margin's left end, at
+/// `top`; `slope` is its change for each half pixel; `top` and `bottom` in half pixels from the
+/// margin's upper end. On its right is `sign` more ink.
+struct PatchEdge {
+  float x, slope, top, bottom, sign;
+};
+
+/// What a row of pixels sees of a step, with the first two derivatives by the pixels' place. The
+/// table has, for each phase p, three rows of `stride` values, and pixel k sees a step at x as the
+/// value i + k of phase p says, with i + p / kPhases = origin - x.
+struct Steps {
+  static constexpr std::size_t kPhases = 16;  // of a pixel
+  const float* table;
+  std::size_t stride;
+  float origin;
+};
+
+/// Draws edges and `starts`, the ink at the rows' left ends, onto what `scratch` holds (from
+/// nothing unless there is `more`): 2 (kSide + 2 margin) times 3 kSide values, aligned to 64 bytes.
+/// Then, if there is somewhere to put it, blurs it by the taps downwards.
+void draw_patch(const PatchEdge* edges, std::size_t count, const float* starts, std::size_t margin,
+                const Steps& steps, const Taps& taps, bool more, float* scratch,
+                const Channels& to);
 
 }  // namespace harco::kernels
