@@ -286,6 +286,11 @@ TEST(PatchPainter, SmearsAlongAWay) {
     EXPECT_NEAR(static_cast<double>(smeared.ink[row + x]),
                 0.5 + (static_cast<double>(x) - at) / 6.0, 0.01);
   }
+  // More ink ends in the margin: smeared, it doesn't reach the patch's fifth pixel.
+  const std::vector<InkEdge> two{{{at, 100.0}, {at, -100.0}}, {{-5.6, -100.0}, {-5.6, 100.0}}};
+  const PatchPicture beside = paint(two, 0, 0, across, true);
+  for (std::size_t x = 4; x < kPatch; ++x)
+    EXPECT_NEAR(beside.ink[row + x], smeared.ink[row + x], 1e-3F) << x;
   const Blur again = Blur::with_moments(across.moments());
   EXPECT_NEAR(again.variance, 0.3, 1e-9);
   EXPECT_NEAR(std::abs(again.smear.x()), 6.0, 1e-9);
@@ -501,6 +506,23 @@ class Unaligned : public ::testing::Test {
   Image image_;
   std::vector<Detection> detections_;
 };
+
+TEST_F(Unaligned, AnEstimatorHasNoMemoryOfOtherFrames) {
+  const Pose alone = pose(image_);
+  PoseEstimator estimator(markers());
+  EXPECT_EQ(estimator.markers().parents.size(), 1U);
+  for (const int seed : {1, 2, 3}) {
+    Image other = image_;
+    std::mt19937 random(static_cast<std::uint32_t>(seed));
+    for (auto& pixel : other.pixels)
+      if (random() % 8 < static_cast<unsigned>(seed)) pixel = 90;
+    estimator.estimate(other.view(), detections_, camera_);
+    const Pose again = estimator.estimate(image_.view(), detections_, camera_).at(0);
+    EXPECT_EQ(again.camera_T_marker.matrix(), alone.camera_T_marker.matrix());
+    EXPECT_EQ(*again.covariance, *alone.covariance);
+  }
+  EXPECT_TRUE(estimator.estimate(image_.view(), {}, camera_).empty());
+}
 
 TEST_F(Unaligned, TheCornersStandWithoutAMarkerInTheImage) {
   EXPECT_TRUE(pose(image_).aligned);

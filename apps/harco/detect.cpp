@@ -24,6 +24,7 @@
 #include "harco/guided.hpp"
 #include "harco/merge.hpp"
 #include "harco/pose.hpp"
+#include "harco/pose_estimator.hpp"
 #include "harco/track.hpp"
 #include "interrupt.hpp"
 #include "ordered_work.hpp"

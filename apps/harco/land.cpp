@@ -21,6 +21,7 @@
 #include "harco/guided.hpp"
 #include "harco/mount.hpp"
 #include "harco/pose.hpp"
+#include "harco/pose_estimator.hpp"
 #include "harco/sighting.hpp"
 #include "interrupt.hpp"
 #include "land_deck.hpp"

@@ -11,6 +11,7 @@
 #include "harco/marker.hpp"
 #include "harco/mount.hpp"
 #include "harco/pose.hpp"
+#include "harco/pose_estimator.hpp"
 #include "lab/camera_simulator.hpp"
 
 namespace harco::lab {

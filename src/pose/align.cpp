@@ -239,10 +239,6 @@ float median(std::vector<float>& values) {
   return *middle;
 }
 
-/// Even light varies smoothly over the marker; a shadow leaves less of it in one part; in uneven
-/// light each patch has a gain of its own besides.
-enum class LightModel { even, shadow, uneven };
-
 /// How much residuals count: all of them, less and less (Huber), or not at all far out (Tukey).
 enum class Weights { huber, tukey };
 
@@ -254,13 +250,15 @@ class Aligner::Impl {
   std::optional<Alignment> align(const ImageView& image, const InkOutline& outline, double quiet,
                                  const Camera& camera, const Isometry3d& start,
                                  const std::optional<Matrix6d>& start_covariance,
-                                 const std::optional<Alignment>& rival) {
+                                 const std::optional<Alignment>& rival,
+                                 std::optional<LightModel> light) {
     image_ = image;
     outline_ = &outline;
     quiet_ = quiet;
     camera_ = camera;
     start_ = start;
     start_covariance_ = start_covariance;
+    if (light) return described(run(*light), false);
     // Where the first step shows light to be far from even, even light is the last resort.
     const bool shadow = !rival || rival->shaded;
     std::optional<Settled> best = run(LightModel::even, shadow);
@@ -274,13 +272,8 @@ class Aligner::Impl {
       else if (!rival)
         prefer(best, run(LightModel::uneven));
     }
-    if (!best && put_off) best = run(LightModel::even);
-    if (!best) return std::nullopt;
-    best->alignment.plain = plain;
-    best->alignment.fits =
-        best->alignment.share > kPlainShare && best->alignment.evenness < kMostEven;
-    best->alignment.shaded = best->state.shaded;
-    return best->alignment;
+    if (!best && put_off && !rival) best = run(LightModel::even);
+    return described(best, plain);
   }
 
   void refill(double share) {
@@ -300,6 +293,15 @@ class Aligner::Impl {
     Alignment alignment;
     State state;
   };
+
+  static std::optional<Alignment> described(const std::optional<Settled>& best, bool plain) {
+    if (!best) return std::nullopt;
+    Alignment found = best->alignment;
+    found.plain = plain;
+    found.fits = found.share > kPlainShare && found.evenness < kMostEven;
+    found.shaded = best->state.shaded;
+    return found;
+  }
 
   static bool is_lit(const std::optional<Settled>& found) {
     return found && found->alignment.share > kPlainShare;
@@ -378,6 +380,8 @@ class Aligner::Impl {
     constexpr int kSteps = 8;
     constexpr double kSamePlace = 0.3;  // pixels: patches may stay where they are
     constexpr double kNearPx = 0.15;    // steps that move less call for all patches
+    constexpr int kMostFar = 2;         // so many steps may lead anywhere; then each has to be
+    constexpr double kNearer = 0.7;     // that much shorter than the one before it, unless short
     const bool even = light_ == LightModel::even;
     const std::size_t few = even ? kSomePatches : first_patches(light_);
     bool finely = false;
@@ -399,6 +403,7 @@ class Aligner::Impl {
       const std::optional<double> next = step(Weights::tukey);
       if (!next) return false;
       const bool grown = trusted_ > before;
+      if (i >= kMostFar && !grown && *next > kSamePlace && *next > kNearer * moved) return false;
       moved = *next;
       // A shadow's light is fitted anew before each step, and soft ones leave levels open.
       const bool same_light = relit_ < kSameLight || state_.shaded;
@@ -924,7 +929,7 @@ class Aligner::Impl {
 
   /// Some of the samples, for the light alone.
   void gather_light() {
-    constexpr std::size_t kSome = 2500;
+    constexpr std::size_t kSome = 1200;
     light_fit_.clear();
     response_.set(state_.log_gamma, state_.light.black_part());
     const std::size_t stride = count_ / kSome + 1;
@@ -1330,7 +1335,6 @@ class Aligner::Impl {
     if (!state_.shaded) return;
     state_.light.shaded_white = std::clamp(state_.light.shaded_white + move(kShade), 0.02, 5.0);
     state_.light.shaded_black = std::clamp(state_.light.shaded_black + move(kShade + 1), 0.02, 5.0);
-    state_.light.shape += move.tail<ShadowShape::kTerms>();
   }
 
   /// Whether the blur differs between directions, surely and by enough to matter.
@@ -1352,6 +1356,7 @@ class Aligner::Impl {
     result.camera_T_marker = pose();
     result.blur = state_.oriented ? Blur::with_moments(state_.blur)
                                   : Blur{0.5 * state_.blur.trace(), Vector2d::Zero()};
+    result.light = light_;
     result.noise = scale_ * std::sqrt(static_cast<double>(count_) /
                                       std::max(1.0, static_cast<double>(count_) - own_unknowns()));
     result.evenness = evenness();
@@ -1537,8 +1542,9 @@ std::optional<Alignment> Aligner::align(const ImageView& image, const InkOutline
                                         double quiet_m, const Camera& camera,
                                         const Isometry3d& start,
                                         const std::optional<Matrix6d>& start_covariance,
-                                        const std::optional<Alignment>& rival) {
-  return impl_->align(image, outline, quiet_m, camera, start, start_covariance, rival);
+                                        const std::optional<Alignment>& rival,
+                                        std::optional<LightModel> light) {
+  return impl_->align(image, outline, quiet_m, camera, start, start_covariance, rival, light);
 }
 
 }  // namespace harco

@@ -15,18 +15,23 @@
 
 namespace harco {
 
+/// Even light varies smoothly over the marker; a shadow leaves less of it in one part; in uneven
+/// light each patch has a gain of its own besides.
+enum class LightModel { even, shadow, uneven };
+
 /// What alignment found.
 struct Alignment {
   Eigen::Isometry3d camera_T_marker = Eigen::Isometry3d::Identity();
   Matrix6d covariance = Matrix6d::Zero();  ///< of (dt, w) as in Pose, from the residuals
-  double share = 0.0;     ///< of the pixels compared: how many fit, each by its weight, 0 ... 1
-  Blur blur;              ///< beside the pixel's own square
-  double noise = 0.0;     ///< grey levels, standard deviation of what remains
-  double loss = 0.0;      ///< robust squared residuals in units of the noise
-  int pixels = 0;         ///< how many were compared
-  bool plain = false;     ///< fits well, in even light or nearly so
-  bool fits = false;      ///< to the noise, in its light
-  bool shaded = false;    ///< with a shadow's edge on the marker
+  double share = 0.0;   ///< of the pixels compared: how many fit, each by its weight, 0 ... 1
+  Blur blur;            ///< beside the pixel's own square
+  double noise = 0.0;   ///< grey levels, standard deviation of what remains
+  double loss = 0.0;    ///< robust squared residuals in units of the noise
+  int pixels = 0;       ///< how many were compared
+  bool plain = false;   ///< fits well, in even light or nearly so
+  bool fits = false;    ///< to the noise, in its light
+  bool shaded = false;  ///< with a shadow's edge on the marker
+  LightModel light = LightModel::even;  ///< in which it was found
   double evenness = 0.0;  ///< how well patches fit as a whole: 1 for noise alone, more otherwise
 };
 
@@ -47,14 +52,15 @@ class Aligner {
   /// `start` is taken to be right to about half a pixel.
   ///
   /// A `rival` is what another start has come to, and bears the picture out: no light is tried that
-  /// the rival doesn't need.
+  /// the rival doesn't need. Where `light` is given, no other is tried.
   ///
   /// Empty if it doesn't converge near `start`, or if too little of the marker fits: then the image
   /// doesn't bear the pose out.
   std::optional<Alignment> align(const ImageView& image, const InkOutline& outline, double quiet_m,
                                  const Camera& camera, const Eigen::Isometry3d& start,
                                  const std::optional<Matrix6d>& start_covariance,
-                                 const std::optional<Alignment>& rival = std::nullopt);
+                                 const std::optional<Alignment>& rival = std::nullopt,
+                                 std::optional<LightModel> light = std::nullopt);
 
   /// Bounds the work of all alignments that follow, until it is called again: to some milliseconds,
   /// or a share of that. Once it is spent, other light than even isn't tried any more.

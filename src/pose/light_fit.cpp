@@ -115,7 +115,7 @@ void LightFit::solve(const Light& light) {
 
 std::size_t LightFit::fit(Light& light, double steepest) {
   constexpr std::size_t kSteps = 20;
-  constexpr double kSettled = 1e-4;  // of the misfit
+  constexpr double kSettled = 1e-3;  // of the misfit
   constexpr double kMostDamping = 1e4;
   if (count_ == 0) return 0;
   blunt(light, steepest);

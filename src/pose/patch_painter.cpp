@@ -145,7 +145,9 @@ void PatchPainter::add(const Vector2d& from, const Vector2d& to) {
     (xa > wide ? ya : yb) = row;
     (xa > wide ? xa : xb) = wide;
   }
+  constexpr double kLevel = 1e-4;  // half pixels: nothing to see
   const auto edge = [&](double x, double first, double last, float sign) {
+    if (last - first < kLevel) return;
     edges_.push_back({static_cast<float>(x), static_cast<float>(slope), static_cast<float>(first),
                       static_cast<float>(last), sign});
   };

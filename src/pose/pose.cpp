@@ -37,7 +37,7 @@ constexpr double kExcludedLogRatio = 12.0;
 
 // An alignment that explains so much of the pixels leaves nothing to look for; one that explains
 // less than this is no evidence where corners don't lead to it; noise alone leaves 0.91.
-constexpr double kConvincingShare = 0.86, kLeastShare = 0.65;
+constexpr double kConvincingShare = 0.885, kLeastShare = 0.65;
 // ... and nor does one that takes all for noise, grey levels.
 constexpr double kMostNoise = 9.0;
 // A marker of such a side has corners that tell its tilt.
@@ -57,6 +57,8 @@ constexpr double kHopelessMisfit = 100.0;
 
 // Solutions closer than this, in radians, are one.
 constexpr double kSameSolution = 0.005;
+// ... and closer than this, alignment comes from one to the other.
+constexpr double kSameNeighbourhood = 0.14;
 
 /// A possible pose: from corners, or aligned.
 struct Solution {
@@ -84,10 +86,12 @@ struct Evidence {
   const InkOutline* outline = nullptr;  ///< there if poses shall be aligned
 
   Solution solution(const Eigen::Isometry3d& start, const Matrix6d& covariance,
-                    const std::optional<Alignment>& rival = std::nullopt) const {
+                    const std::optional<Alignment>& rival = std::nullopt,
+                    std::optional<LightModel> light = std::nullopt) const {
     Solution found{start, covariance, std::nullopt};
     if (outline)
-      found.alignment = aligner.align(image, *outline, cell_m, camera, start, covariance, rival);
+      found.alignment =
+          aligner.align(image, *outline, cell_m, camera, start, covariance, rival, light);
     if (found.alignment) {
       found.camera_T_marker = found.alignment->camera_T_marker;
       found.covariance = found.alignment->covariance;
@@ -144,9 +148,24 @@ struct Evidence {
     const double agreement = search.agreement(known);
     for (const RoughPose& rough : search.find(known)) {
       if (rough.agreement < agreement - kHardlyLess || aligner.spent()) return;
+      if (is_aligned_near(verdict, rough)) continue;
       weigh_aligned(verdict, rough);
       if (convinces(verdict.first)) return;
     }
+  }
+
+  /// Even light that doesn't fit is the last resort.
+  static bool knows_light(const Alignment& found) {
+    return found.fits || found.light != LightModel::even;
+  }
+
+  /// Whether alignment has come to a pose that close already: it would do so again.
+  static bool is_aligned_near(const Verdict& verdict, const RoughPose& rough) {
+    const auto near = [&](const Solution& known) {
+      return known.alignment && knows_light(*known.alignment) &&
+             angle_between(known.camera_T_marker, rough.camera_T_marker) < kSameNeighbourhood;
+    };
+    return near(verdict.first) || (verdict.second && near(*verdict.second));
   }
 
   /// By how much corners of another pose may differ for the picture to take it for this one,
@@ -165,11 +184,14 @@ struct Evidence {
   }
 
   void weigh_aligned(Verdict& verdict, const RoughPose& rough) const {
-    const std::optional<Alignment> rival =
-        convinces(verdict.first) ? verdict.first.alignment : std::nullopt;
-    Solution found = solution(rough.camera_T_marker, rough.covariance, rival);
+    const std::optional<Alignment>& known = verdict.first.alignment;
+    const bool convinced = convinces(verdict.first);
+    std::optional<LightModel> light;
+    if (known && !convinced && knows_light(*known)) light = known->light;
+    Solution found =
+        solution(rough.camera_T_marker, rough.covariance, convinced ? known : std::nullopt, light);
     if (!found.alignment) return;
-    if (!found.alignment->plain && !aligner.spent()) found = again(found, rival);
+    if (!found.alignment->plain && !aligner.spent()) found = again(found);
     if (found.alignment->share > kLeastShare) weigh(verdict, found);
   }
 
@@ -180,8 +202,9 @@ struct Evidence {
   }
 
   /// Aligned once more, from where it came to.
-  Solution again(const Solution& aligned, const std::optional<Alignment>& rival) const {
-    const Solution next = solution(aligned.camera_T_marker, aligned.covariance, rival);
+  Solution again(const Solution& aligned) const {
+    const Solution next = solution(aligned.camera_T_marker, aligned.covariance, std::nullopt,
+                                   aligned.alignment->light);
     return next.alignment && next.alignment->share > aligned.alignment->share ? next : aligned;
   }
 };
@@ -194,8 +217,10 @@ Verdict from_corners(const Group& group, const Evidence& evidence) {
       corners.second &&
       ratio + evidence.gravity(corners.camera_T_marker, *corners.second) < kExcludedLogRatio;
   if (!two) return {evidence.solution(corners.camera_T_marker, corners.covariance), std::nullopt};
-  Verdict verdict{evidence.solution(corners.camera_T_marker, corners.covariance),
-                  evidence.solution(*corners.second, corners.second_covariance)};
+  Verdict verdict{evidence.solution(corners.camera_T_marker, corners.covariance), std::nullopt};
+  verdict.second =
+      evidence.solution(*corners.second, corners.second_covariance,
+                        evidence.convinces(verdict.first) ? verdict.first.alignment : std::nullopt);
   Solution &first = verdict.first, &second = *verdict.second;
   if (angle_between(first.camera_T_marker, second.camera_T_marker) < kSameSolution) {
     if (!first.alignment) std::swap(first, second);

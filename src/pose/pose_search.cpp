@@ -28,7 +28,7 @@ constexpr double kCornerPx = 0.3, kCornerShare = 0.04;
 // Tilts that are tried.
 constexpr double kMostTilt = 66.0 * kDegree, kTiltStep = 4.0 * kDegree;
 // So many of the best are made better; those that remain apart by less are one.
-constexpr std::size_t kPromising = 12, kMostFound = 3;
+constexpr std::size_t kPromising = 8, kMostFound = 3;
 constexpr double kSamePose = 6.0 * kDegree, kSameFinding = 10.0 * kDegree;
 // Agreement that is worth aligning.
 constexpr double kLeastAgreement = 0.5;
@@ -86,7 +86,8 @@ std::vector<PoseSearch::Probe> PoseSearch::probes_of(const InkOutline& outline, 
       bool plain = true;
       for (const double dx : {-reach, reach})
         for (const double dy : {-reach, reach}) plain &= black(p + Vector2d(dx, dy)) == ink;
-      if (plain) probes.push_back({{p.x(), p.y(), 0.0}, ink ? 0.0F : 1.0F});
+      if (plain)
+        probes.push_back({static_cast<float>(p.x()), static_cast<float>(p.y()), ink ? 0.0F : 1.0F});
     }
   return probes;
 }
@@ -97,22 +98,27 @@ double PoseSearch::agreement(const Isometry3d& camera_T_marker) const {
 
 double PoseSearch::agreement(const Isometry3d& pose, std::size_t stride) const {
   constexpr float kFewest = 24.0F;
+  const Eigen::Vector3f right = pose.linear().col(0).cast<float>();
+  const Eigen::Vector3f down = pose.linear().col(1).cast<float>();
+  const Eigen::Vector3f origin = pose.translation().cast<float>();
+  const auto fx = static_cast<float>(camera_.fx), fy = static_cast<float>(camera_.fy);
+  const auto cx = static_cast<float>(camera_.cx), cy = static_cast<float>(camera_.cy);
+  const auto wide = static_cast<float>(image_.width()), tall = static_cast<float>(image_.height());
   float n = 0.0F, w = 0.0F, ww = 0.0F, g = 0.0F, gg = 0.0F, gw = 0.0F;
   for (std::size_t i = 0; i < probes_.size(); i += stride) {
-    const Vector3d p = pose * probes_[i].place;
-    if (!(p.z() > 0.0)) continue;
-    Vector2d pixel(camera_.fx * p.x() / p.z() + camera_.cx,
-                   camera_.fy * p.y() / p.z() + camera_.cy);
+    const Eigen::Vector3f p = origin + right * probes_[i].x + down * probes_[i].y;
+    if (!(p.z() > 0.0F)) continue;
+    // From the first pixel's corner.
+    const float per_z = 1.0F / p.z();
+    float x = fx * p.x() * per_z + cx + 0.5F, y = fy * p.y() * per_z + cy + 0.5F;
     if (bends_) {
-      const auto bent = camera_.project(p);
+      const auto bent = camera_.project(p.cast<double>());
       if (!bent) continue;
-      pixel = *bent;
+      x = static_cast<float>(bent->x()) + 0.5F;
+      y = static_cast<float>(bent->y()) + 0.5F;
     }
-    if (!(pixel.x() > -0.5 && pixel.y() > -0.5 && pixel.x() < image_.width() - 0.5 &&
-          pixel.y() < image_.height() - 0.5))
-      continue;
-    const Eigen::Array2i at = (pixel.array() + 0.5).cast<int>();
-    const auto grey = static_cast<float>(image_(at.x(), at.y()));
+    if (!(x > 0.0F && y > 0.0F && x < wide && y < tall)) continue;
+    const auto grey = static_cast<float>(image_(static_cast<int>(x), static_cast<int>(y)));
     const float white = probes_[i].white;
     n += 1.0F, w += white, ww += white * white;
     g += grey, gg += grey * grey, gw += grey * white;
@@ -203,7 +209,7 @@ std::optional<PoseSearch::Corners> PoseSearch::corners(const Isometry3d& pose) c
 
 /// The pose of the same tilt that the corners like best, if they like it at all.
 std::optional<Isometry3d> PoseSearch::settled(Isometry3d pose) const {
-  constexpr int kSteps = 3;
+  constexpr int kSteps = 2;
   constexpr double kMostChi2 = 4.0;  // of a coordinate
   const std::array<Eigen::Index, 4> free{0, 1, 2, 5};
   for (int step = 0; step < kSteps; ++step) {

@@ -46,7 +46,7 @@ class PoseSearch {
  private:
   /// A place of the marker that is of one colour all around.
   struct Probe {
-    Eigen::Vector3d place;
+    float x, y;  ///< in the plane, metres
     float white;
   };
   struct Candidate {

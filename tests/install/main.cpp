@@ -32,7 +32,7 @@ int main() {
 
   const auto image = drawn.image.view();
   const auto detections = detector.detect(image);
-  const auto poses = harco::estimate_poses(image, detections, markers, camera);
+  const auto poses = harco::PoseEstimator(markers).estimate(image, detections, camera);
   for (const auto& pose : poses)
     std::cout << pose.camera_T_marker.translation().transpose() << "\n";
 

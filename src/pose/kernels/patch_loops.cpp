@@ -343,8 +343,13 @@ struct RowOfHalves {
 
 /// From x on, `height` more ink; x spread evenly with the variance 2 * `spread`.
 HWY_INLINE void cross(const Steps& steps, float x, float height, float spread, RowOfHalves& row) {
-  const float at = steps.origin - x;
-  const auto nearest = static_cast<std::size_t>(at * Steps::kPhases + 0.5F);
+  // The place on an edge that is nearly level is known no better than rounding leaves it.
+  const auto limit = static_cast<float>(steps.stride - kSide - 1);
+  const float within = steps.origin - x < limit ? steps.origin - x : limit;
+  const float at = within > 0.0F ? within : 0.0F;
+  constexpr float kHalf = 0.5F;
+  const float phases = at * Steps::kPhases + kHalf;  // rounds
+  const auto nearest = static_cast<std::size_t>(phases);
   const float off = at - static_cast<float>(nearest) * (1.0F / Steps::kPhases);
   const float* from =
       steps.table + (nearest % Steps::kPhases) * 3 * steps.stride + nearest / Steps::kPhases;
