@@ -75,7 +75,7 @@ detect::RegionLimits limits() { return {5, 28, 25.0}; }
 
 std::vector<detect::RegionTop> tops_of(const detect::Threshold& threshold) {
   detect::ConvexRegions regions;
-  regions.start(threshold, detect::Threshold::kMiddleLevel, true, limits());
+  regions.start(threshold, detect::Threshold::kMiddleLevel, limits());
   std::vector<detect::RegionTop> tops;
   for (detect::RegionTop top{}; regions.next(top);) tops.push_back(top);
   return tops;
@@ -105,7 +105,7 @@ void regions(State& state) {
   std::size_t found = 0;
   for (auto _ : state) {
     found = 0;
-    regions.start(threshold, detect::Threshold::kMiddleLevel, true, limits());
+    regions.start(threshold, detect::Threshold::kMiddleLevel, limits());
     for (detect::RegionTop top{}; regions.next(top);) ++found;
   }
   count(state, "regions", found);

@@ -37,10 +37,10 @@ std::vector<Contour> contours_of(const Image& image) {
   threshold.measure(image.view());
   ConvexRegions regions;
   BorderFollower follower;
-  follower.start(threshold, 0);
   std::vector<Contour> contours;
-  for (const bool dark : {true, false}) {
-    regions.start(threshold, 0, dark, {});
+  for (const std::size_t level : {Threshold::kMiddleLevel, Threshold::kLineLevel}) {
+    follower.start(threshold, level);
+    regions.start(threshold, level, {});
     for (RegionTop top{}; regions.next(top);)
       if (const Contour* contour = follower.around(top)) contours.push_back(*contour);
   }
@@ -131,12 +131,15 @@ TEST(Edges, DontMoveInLightThatChangesAlongThem) {
   for (std::size_t i = 0; i < 4; ++i) EXPECT_LT((fitted->corners[i] - truth[i]).norm(), 0.06);
 }
 
-std::vector<RegionTop> regions_of(const Image& image, bool dark, std::size_t level = 0,
+constexpr std::size_t kDark = Threshold::kMiddleLevel;
+constexpr std::size_t kBright = Threshold::kLineLevel;
+
+std::vector<RegionTop> regions_of(const Image& image, std::size_t level,
                                   const RegionLimits& limits = {}) {
   Threshold threshold;
   threshold.measure(image.view());
   ConvexRegions regions;
-  regions.start(threshold, level, dark, limits);
+  regions.start(threshold, level, limits);
   std::vector<RegionTop> tops;
   for (RegionTop top{}; regions.next(top);) tops.push_back(top);
   return tops;
@@ -151,13 +154,13 @@ TEST(ConvexRegions, BeginAtTheirTopLeftPixelAndKnowTheirBox) {
   Image image(40, 40, 200);
   fill(image, 8, 10, 28, 25, 0);
   fill(image, 12, 14, 24, 21, 200);
-  const std::vector<RegionTop> dark = regions_of(image, true);
+  const std::vector<RegionTop> dark = regions_of(image, kDark);
   ASSERT_EQ(dark.size(), 1U);
   EXPECT_EQ(dark[0].x, 8);
   EXPECT_EQ(dark[0].y, 10);
   EXPECT_EQ(dark[0].columns, 20);
   EXPECT_EQ(dark[0].rows, 15);
-  const std::vector<RegionTop> bright = regions_of(image, false);
+  const std::vector<RegionTop> bright = regions_of(image, kBright);
   ASSERT_EQ(bright.size(), 1U);
   EXPECT_EQ(bright[0].x, 12);
   EXPECT_EQ(bright[0].y, 14);
@@ -167,15 +170,15 @@ TEST(ConvexRegions, AreAsWideAsTheyAre) {
   // Rows longer than a word, and a diamond whose rows grow by many pixels.
   Image wide(400, 60, 200);
   fill(wide, 20, 20, 380, 40, 0);
-  ASSERT_EQ(regions_of(wide, true).size(), 1U);
-  EXPECT_EQ(regions_of(wide, true)[0].columns, 360);
+  ASSERT_EQ(regions_of(wide, kDark).size(), 1U);
+  EXPECT_EQ(regions_of(wide, kDark)[0].columns, 360);
   Image diamond(400, 60, 200);
   for (int y = 0; y < 20; ++y) {
     fill(diamond, 200 - 8 * y - 4, 10 + y, 200 + 8 * y + 4, 11 + y, 0);
     fill(diamond, 200 - 8 * y - 4, 49 - y, 200 + 8 * y + 4, 50 - y, 0);
   }
-  ASSERT_EQ(regions_of(diamond, true).size(), 1U);
-  EXPECT_EQ(regions_of(diamond, true)[0].columns, 312);
+  ASSERT_EQ(regions_of(diamond, kDark).size(), 1U);
+  EXPECT_EQ(regions_of(diamond, kDark)[0].columns, 312);
 }
 
 TEST(ConvexRegions, DoNotRiseAgainBesideTheirTop) {
@@ -184,14 +187,14 @@ TEST(ConvexRegions, DoNotRiseAgainBesideTheirTop) {
   fill(image, 10, 10, 20, 40, 0);
   fill(image, 30, 20, 40, 40, 0);
   fill(image, 10, 40, 40, 50, 0);
-  EXPECT_TRUE(regions_of(image, true).empty());
+  EXPECT_TRUE(regions_of(image, kDark).empty());
 }
 
 TEST(ConvexRegions, AreNotThoseThatTheImageCuts) {
   for (const auto& [left, top] : {std::pair{0, 10}, {10, 0}, {30, 10}, {10, 30}}) {
     Image image(40, 40, 200);
     fill(image, left, top, left + 10, top + 10, 0);
-    EXPECT_TRUE(regions_of(image, true).empty()) << left << ' ' << top;
+    EXPECT_TRUE(regions_of(image, kDark).empty()) << left << ' ' << top;
   }
 }
 
@@ -200,9 +203,9 @@ TEST(ConvexRegions, AreAsHighAsIsAskedFor) {
   fill(image, 10, 10, 40, 22, 0);
   RegionLimits limits;
   limits.least_extent = 12;
-  EXPECT_EQ(regions_of(image, true, 0, limits).size(), 1U);
+  EXPECT_EQ(regions_of(image, kDark, limits).size(), 1U);
   limits.least_extent = 13;
-  EXPECT_TRUE(regions_of(image, true, 0, limits).empty());
+  EXPECT_TRUE(regions_of(image, kDark, limits).empty());
 }
 
 TEST(ConvexRegions, AtTheLowLevelAreThoseBesideAThirdGrey) {
@@ -210,13 +213,40 @@ TEST(ConvexRegions, AtTheLowLevelAreThoseBesideAThirdGrey) {
   Image image(60, 60, 240);
   fill(image, 15, 15, 45, 45, 90);
   fill(image, 20, 20, 40, 40, 10);
-  ASSERT_EQ(regions_of(image, true, Threshold::kLowLevel).size(), 1U);
-  EXPECT_EQ(regions_of(image, true, Threshold::kLowLevel)[0].columns, 20);
+  ASSERT_EQ(regions_of(image, Threshold::kLowLevel).size(), 1U);
+  EXPECT_EQ(regions_of(image, Threshold::kLowLevel)[0].columns, 20);
   // Without it the middle level finds the same.
   fill(image, 0, 0, 60, 60, 90);
   fill(image, 20, 20, 40, 40, 10);
-  EXPECT_EQ(regions_of(image, true, Threshold::kMiddleLevel).size(), 1U);
-  EXPECT_TRUE(regions_of(image, true, Threshold::kLowLevel).empty());
+  EXPECT_EQ(regions_of(image, kDark).size(), 1U);
+  EXPECT_TRUE(regions_of(image, Threshold::kLowLevel).empty());
+}
+
+TEST(ConvexRegions, OfEverySecondRowBeginAtTheirFirstPixel) {
+  // At odd and at even rows, beside a third grey.
+  for (const int top : {20, 21}) {
+    Image image(60, 60, 240);
+    fill(image, 15, 15, 45, 45, 90);
+    fill(image, 20, top, 40, 40, 10);
+    fill(image, 24, top - 1, 34, top, 10);
+    const std::vector<RegionTop> regions = regions_of(image, Threshold::kLowLevel);
+    ASSERT_EQ(regions.size(), 1U);
+    EXPECT_EQ(regions[0].x, 24);
+    EXPECT_EQ(regions[0].y, top - 1);
+    EXPECT_EQ(regions[0].columns, 20);
+    EXPECT_NEAR(regions[0].rows, 41 - top, 1);
+  }
+}
+
+TEST(ConvexRegions, BeginBelowASteepEdge) {
+  // From white to black, row by row. Three rows of 40 are more than 6 / 16 of the whole contrast;
+  // three of 10 are less than that of the contrast in the twelve rows nearby.
+  for (const auto& [step, count] : {std::pair{40, 1U}, {10, 0U}}) {
+    Image image(60, 80, 200);
+    for (int y = 20; y < 60; ++y)
+      fill(image, 15, y, 45, y + 1, static_cast<std::uint8_t>(std::max(0, 200 - step * (y - 19))));
+    EXPECT_EQ(regions_of(image, kDark).size(), count) << step;
+  }
 }
 
 TEST(ConvexRegions, HaveNoBaysAlongTheirSides) {
@@ -224,9 +254,9 @@ TEST(ConvexRegions, HaveNoBaysAlongTheirSides) {
   Image image(80, 40, 200);
   fill(image, 10, 10, 26, 26, 0);
   fill(image, 50, 10, 66, 26, 0);
-  EXPECT_EQ(regions_of(image, true).size(), 2U);
+  EXPECT_EQ(regions_of(image, kDark).size(), 2U);
   fill(image, 52, 13, 64, 26, 200);
-  const std::vector<RegionTop> tops = regions_of(image, true);
+  const std::vector<RegionTop> tops = regions_of(image, kDark);
   ASSERT_EQ(tops.size(), 1U);
   EXPECT_EQ(tops[0].x, 10);
 }
@@ -303,7 +333,9 @@ TEST(Contours, TellHolesFromIslands) {
   ASSERT_EQ(contours.size(), 2U);
   EXPECT_FALSE(contours[0].hole);
   EXPECT_TRUE(contours[1].hole);
-  EXPECT_NEAR(contours[1].area, 256.0 - 0.5, 1e-9);
+  // At 11 / 16 of the grey: 3 / 16 of a pixel inside of the pixels' borders, and corners cut at
+  // what is left of half a pixel.
+  EXPECT_NEAR(contours[1].area, 15.625 * 15.625 - 4 * 0.5 * 0.3125 * 0.3125, 1e-9);
 }
 
 TEST(Contours, SeeTheGreyBetweenPixels) {

@@ -13,7 +13,10 @@
 #include "detect/kernels/clean_steps.hpp"
 #include "detect/kernels/dark_bits.hpp"
 #include "detect/kernels/halve.hpp"
+#include "detect/kernels/region_tops.hpp"
 #include "detect/kernels/region_walk.hpp"
+#include "detect/kernels/steep_bits.hpp"
+#include "detect/kernels/tall_bits.hpp"
 #include "detect/kernels/tile_extremes.hpp"
 #include "detect/kernels/tile_thresholds.hpp"
 #include "detect/kernels/ways_down.hpp"
@@ -104,35 +107,125 @@ TEST(Kernels, HalvedRowsAreTheSameOnEveryTarget) {
 }
 
 TEST(Kernels, WaysDownKnownByHand) {
-  // Below, bit 63 of the first word and bit 0 of what follows the second; they reach two beside.
-  const std::uint64_t below[] = {0, std::uint64_t{1} << 63, 0, 1};
+  // Two words a row with one of padding on either side. Of the row below: bit 63 of the first word
+  // and what follows the second.
+  constexpr std::ptrdiff_t kStride = 4;
+  const std::uint64_t below[2 * kStride] = {0, std::uint64_t{1} << 63, 0, 1};
   const std::uint64_t here[] = {~std::uint64_t{0}, ~std::uint64_t{0}};
-  std::uint64_t ways[2];
-  ways_down(here, 0, below + 1, 2, ways);
-  EXPECT_EQ(ways[0], std::uint64_t{7} << 61);
-  EXPECT_EQ(ways[1], std::uint64_t{3} << 62 | 3);
+  std::uint64_t ways[2 * kStride];
+  ways_down(here, 0, 2, 2, 2, below + 1, kStride, ways + 1);
+  EXPECT_EQ(ways[1], ~std::uint64_t{0});  // through one row: its own pixels
+  EXPECT_EQ(ways[2], ~std::uint64_t{0});
+  EXPECT_EQ(ways[kStride + 1], std::uint64_t{7} << 61);  // through two: two beside that
+  EXPECT_EQ(ways[kStride + 2], std::uint64_t{3} << 62 | 3);
+  ways_down(here, 0, 2, 2, 4, below + 1, kStride, ways + 1);
+  EXPECT_EQ(ways[kStride + 1], std::uint64_t{31} << 59);
+  EXPECT_EQ(ways[kStride + 2], std::uint64_t{15} << 60 | 15);
   // Of the bright pixels of an inverted row.
   const std::uint64_t dark[] = {std::uint64_t{1} << 62, 1};
-  ways_down(dark, ~std::uint64_t{0}, below + 1, 2, ways);
-  EXPECT_EQ(ways[0], std::uint64_t{5} << 61);
-  EXPECT_EQ(ways[1], std::uint64_t{3} << 62 | 2);
+  ways_down(dark, ~std::uint64_t{0}, 2, 2, 2, below + 1, kStride, ways + 1);
+  EXPECT_EQ(ways[kStride + 1], std::uint64_t{5} << 61);
+  EXPECT_EQ(ways[kStride + 2], std::uint64_t{3} << 62 | 2);
 }
 
 TEST(Kernels, WaysDownAreTheSameOnEveryTarget) {
   on_every_target([] {
     std::mt19937_64 random(5);
+    constexpr int kRows = 4;
     for (int words = 1; words <= 40; ++words) {
-      const auto size = static_cast<std::size_t>(words);
-      std::vector<std::uint64_t> here(size);
-      std::vector<std::uint64_t> below(size + 2);
+      const std::ptrdiff_t stride = words + 2;
+      std::vector<std::uint64_t> here(static_cast<std::size_t>(words));
+      std::vector<std::uint64_t> below(static_cast<std::size_t>(kRows * stride));
       for (std::uint64_t& word : here) word = random();
       for (std::uint64_t& word : below) word = random() & random() & random();
-      std::vector<std::uint64_t> ways(size);
-      std::vector<std::uint64_t> by_hand(size);
+      for (const int reach : {2, 4})
+        for (const std::uint64_t flip : {std::uint64_t{0}, ~std::uint64_t{0}}) {
+          std::vector<std::uint64_t> ways(below.size());
+          std::vector<std::uint64_t> by_hand(below.size());
+          ways_down(here.data(), flip, words, kRows, reach, below.data() + 1, stride,
+                    ways.data() + 1);
+          ways_down_scalar(here.data(), flip, words, kRows, reach, below.data() + 1, stride,
+                           by_hand.data() + 1);
+          ASSERT_EQ(ways, by_hand) << words;
+        }
+    }
+  });
+}
+
+TEST(Kernels, TallBitsKnownByHand) {
+  const std::uint64_t here[] = {0b1111, 0};
+  const std::uint64_t above[] = {0b0111, 0};
+  const std::uint64_t top[] = {0b1101, 1};
+  std::uint64_t tall[2];
+  tall_bits(here, above, top, 0, 2, tall);
+  EXPECT_EQ(tall[0], 0b0101U);
+  EXPECT_EQ(tall[1], 0U);
+  tall_bits(here, above, top, ~std::uint64_t{0}, 2, tall);
+  EXPECT_EQ(tall[0], ~std::uint64_t{0b1111});
+  EXPECT_EQ(tall[1], ~std::uint64_t{1});
+}
+
+TEST(Kernels, TallBitsAreTheSameOnEveryTarget) {
+  on_every_target([] {
+    std::mt19937_64 random(6);
+    for (int words = 1; words <= 40; ++words) {
+      const auto size = static_cast<std::size_t>(words);
+      std::vector<std::uint64_t> rows(3 * size);
+      for (std::uint64_t& word : rows) word = random();
       for (const std::uint64_t flip : {std::uint64_t{0}, ~std::uint64_t{0}}) {
-        ways_down(here.data(), flip, below.data() + 1, words, ways.data());
-        ways_down_scalar(here.data(), flip, below.data() + 1, words, by_hand.data());
-        ASSERT_EQ(ways, by_hand) << words;
+        std::vector<std::uint64_t> tall(size);
+        std::vector<std::uint64_t> by_hand(size);
+        const std::uint64_t* row = rows.data();
+        tall_bits(row, row + words, row + 2 * words, flip, words, tall.data());
+        tall_bits_scalar(row, row + words, row + 2 * words, flip, words, by_hand.data());
+        ASSERT_EQ(tall, by_hand) << words;
+      }
+    }
+  });
+}
+
+TEST(Kernels, RegionTopsKnownByHand) {
+  // Padding, then the two words of a row and of the one above it.
+  const std::uint64_t last = std::uint64_t{1} << 63;
+  const std::uint64_t here[] = {0, 0b1110'0110'0110 | last, 0b11};
+  const std::uint64_t above[] = {0b0010'0000'0000, 0};
+  const std::uint64_t steep[] = {0b1110'0110'0100, 0};
+  const std::uint64_t ways[] = {0b1110'0000'0110, 0};
+  std::uint64_t ends[2];
+  std::uint64_t open[2];
+  std::uint64_t some[1];
+  const TopsRow row{here + 1, above, 0, steep, ways, 2};
+  region_tops(row, {ends, open, some});
+  // The first stretch; not the second, which has no way down, nor the third, which goes on upwards.
+  // The one at the words' border may be one; the next word leaves it to this one.
+  EXPECT_EQ(ends[0], 0b1000U);
+  EXPECT_EQ(open[0], ~std::uint64_t{0});
+  EXPECT_EQ(ends[1], 0U);
+  EXPECT_EQ(open[1], 0U);
+  EXPECT_EQ(some[0], 1U);
+}
+
+TEST(Kernels, RegionTopsAreTheSameOnEveryTarget) {
+  on_every_target([] {
+    std::mt19937_64 random(7);
+    for (int words = 1; words <= 140; ++words) {
+      const auto size = static_cast<std::size_t>(words);
+      std::vector<std::uint64_t> rows(4 * size + 1);
+      for (std::uint64_t& word : rows) word = random() | random();
+      // Few words have any.
+      for (std::size_t i = 0; i < size; ++i)
+        rows[1 + 2 * size + i] &= random() & random() & random();
+      for (const std::uint64_t flip : {std::uint64_t{0}, ~std::uint64_t{0}}) {
+        const std::uint64_t* first = rows.data() + 1;
+        const TopsRow row{first, first + size, flip, first + 2 * size, first + 3 * size, words};
+        const std::size_t blocks = (size + 63) / 64;
+        std::vector<std::uint64_t> ends(size), open(size), some(blocks);
+        std::vector<std::uint64_t> ends_by_hand(size), open_by_hand(size), some_by_hand(blocks);
+        region_tops(row, {ends.data(), open.data(), some.data()});
+        region_tops_scalar(row, {ends_by_hand.data(), open_by_hand.data(), some_by_hand.data()});
+        ASSERT_EQ(ends, ends_by_hand) << words;
+        ASSERT_EQ(open, open_by_hand) << words;
+        ASSERT_EQ(some, some_by_hand) << words;
       }
     }
   });
@@ -145,6 +238,12 @@ TEST(Kernels, TileThresholdsKnownByHand) {
   std::vector<std::uint8_t> thresholds(8);
   tile_thresholds(low, high, 2, 7, 16, thresholds.data());
   EXPECT_EQ(thresholds, (std::vector<std::uint8_t>{111, 111, 111, 111, 0, 0, 0, 0}));
+  // ceil(6 / 16 * 161) = 61, ceil(6 / 16 * 15) = 6; never nothing.
+  std::vector<std::uint8_t> shares(8);
+  tile_shares(low, high, 2, 6, shares.data());
+  EXPECT_EQ(shares, (std::vector<std::uint8_t>{61, 61, 61, 61, 6, 6, 6, 6}));
+  tile_shares(low, low, 2, 6, shares.data());
+  EXPECT_EQ(shares, std::vector<std::uint8_t>(8, 1));
 }
 
 TEST(Kernels, TileThresholdsAreTheSameOnEveryTarget) {
@@ -176,6 +275,9 @@ TEST(Kernels, TileThresholdsAreTheSameOnEveryTarget) {
           tile_thresholds(low.data(), high.data(), tiles, level, contrast, thresholds.data());
           tile_thresholds_scalar(low.data(), high.data(), tiles, level, contrast, by_hand.data());
           ASSERT_EQ(thresholds, by_hand) << tiles;
+          tile_shares(low.data(), high.data(), tiles, level, thresholds.data());
+          tile_shares_scalar(low.data(), high.data(), tiles, level, by_hand.data());
+          ASSERT_EQ(thresholds, by_hand) << tiles;
         }
     }
   });
@@ -187,6 +289,32 @@ TEST(Kernels, DarkBitsKnownByHand) {
   std::vector<std::uint8_t> bits(2, 0xFF);
   dark_bits(pixels, thresholds, 10, bits.data());
   EXPECT_EQ(bits, (std::vector<std::uint8_t>{0b00000011, 0b00000011}));
+}
+
+TEST(Kernels, SteepBitsKnownByHand) {
+  const std::uint8_t from[] = {50, 50, 50, 10, 255, 0, 0, 0, 0, 99};
+  const std::uint8_t to[] = {10, 11, 60, 50, 0, 0, 0, 0, 0, 98};
+  const std::uint8_t least[] = {40, 40, 1, 1, 255, 1, 1, 0, 1, 1};
+  std::vector<std::uint8_t> bits(2, 0xFF);
+  steep_bits(from, to, least, 10, bits.data());
+  EXPECT_EQ(bits, (std::vector<std::uint8_t>{0b10010001, 0b00000010}));
+}
+
+TEST(Kernels, SteepBitsAreTheSameOnEveryTarget) {
+  on_every_target([] {
+    for (int width = 1; width <= 300; ++width) {
+      const auto count = static_cast<std::size_t>(width);
+      const auto seed = static_cast<std::uint32_t>(width);
+      const auto from = random_bytes(count, seed);
+      const auto to = random_bytes(count, seed + 1000);
+      const auto least = random_bytes(count, seed + 2000);
+      std::vector<std::uint8_t> bits((count + 7) / 8);
+      std::vector<std::uint8_t> by_hand(bits.size());
+      steep_bits(from.data(), to.data(), least.data(), width, bits.data());
+      steep_bits_scalar(from.data(), to.data(), least.data(), width, by_hand.data());
+      ASSERT_EQ(bits, by_hand) << width;
+    }
+  });
 }
 
 TEST(Kernels, DarkBitsAreTheSameOnEveryTarget) {
@@ -604,26 +732,35 @@ class Drawing {
         if (rows[static_cast<std::size_t>(y)][static_cast<std::size_t>(x)] == '#') set(bits_, x, y);
   }
 
-  RegionMap map(bool dark) {
+  RegionMap map(bool dark, int row_step = 1) {
     std::fill(tall_.begin(), tall_.end(), std::uint8_t{0});
     for (int y = 2; y < height_; ++y)
       for (int x = 0; x < width_; ++x)
         if (get(x, y) == dark && get(x, y - 1) == dark && get(x, y - 2) == dark) set(tall_, x, y);
-    return {
-        bits_.data() + first(), tall_.data() + first(), stride(), width_, height_, dark, 3, 12, 9};
+    return {bits_.data() + first(),
+            tall_.data() + first(),
+            row_step * stride(),
+            width_,
+            height_ / row_step,
+            row_step,
+            dark,
+            3,
+            12,
+            9};
   }
 
   /// Stretches of one kind below nothing but the other kind.
-  std::vector<RegionStart> starts(bool dark) const {
+  std::vector<RegionStart> starts(bool dark, int row_step) const {
     std::vector<RegionStart> found;
-    for (int y = 1; y < height_; ++y)
+    for (int row = 1; row < height_ / row_step; ++row)
       for (int x = 1; x + 1 < width_; ++x) {
+        const int y = row * row_step;
         if (get(x, y) != dark || get(x - 1, y) == dark) continue;
         int right = x;
         while (right + 1 < width_ && get(right + 1, y) == dark) ++right;
         bool free = right + 1 < width_;
-        for (int i = x; i <= right; ++i) free = free && get(i, y - 1) != dark;
-        if (free) found.push_back({x, right, y});
+        for (int i = x; i <= right; ++i) free = free && get(i, y - row_step) != dark;
+        if (free) found.push_back({x, right, row});
       }
     return found;
   }
@@ -665,6 +802,18 @@ TEST(Kernels, WalksOverRegionsKnownByHand) {
   std::vector<std::uint8_t> survives(starts.size(), 7);
   walk_regions_scalar(drawing.map(true), starts.data(), starts.size(), survives.data());
   EXPECT_EQ(survives, (std::vector<std::uint8_t>{1, 0, 0, 0, 0}));
+  // Of every second row: the square has four rows, two of which are seen.
+  const std::vector<RegionStart> seen{{2, 5, 2}, {10, 14, 2}};
+  RegionMap map = drawing.map(true, 2);
+  map.least_extent = 4;
+  map.least_length = 16;
+  map.least_area = 8;
+  walk_regions_scalar(map, seen.data(), seen.size(), survives.data());
+  EXPECT_EQ(survives[0], 1);
+  EXPECT_EQ(survives[1], 0);
+  map.least_area = 9;
+  walk_regions_scalar(map, seen.data(), seen.size(), survives.data());
+  EXPECT_EQ(survives[0], 0);
 }
 
 TEST(Kernels, WalksOverRegionsAreTheSameOnEveryTarget) {
@@ -697,10 +846,11 @@ TEST(Kernels, WalksOverRegionsAreTheSameOnEveryTarget) {
       }
       Drawing drawing(rows);
       for (const bool dark : {true, false}) {
-        const std::vector<RegionStart> starts = drawing.starts(dark);
+        const int row_step = 1 + below(2);
+        const std::vector<RegionStart> starts = drawing.starts(dark, row_step);
         std::vector<std::uint8_t> survives(starts.size(), 7);
         std::vector<std::uint8_t> by_hand(starts.size(), 7);
-        const RegionMap map = drawing.map(dark);
+        const RegionMap map = drawing.map(dark, row_step);
         walk_regions(map, starts.data(), starts.size(), survives.data());
         walk_regions_scalar(map, starts.data(), starts.size(), by_hand.data());
         ASSERT_EQ(survives, by_hand) << "scene " << scene;

@@ -6,6 +6,8 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "detect/kernels/region_tops.hpp"
+#include "detect/kernels/tall_bits.hpp"
 #include "detect/kernels/ways_down.hpp"
 
 namespace harco::detect {
@@ -116,30 +118,35 @@ class Side {
 
 }  // namespace
 
-void ConvexRegions::start(const Threshold& threshold, std::size_t level, bool dark,
+void ConvexRegions::start(const Threshold& threshold, std::size_t level,
                           const RegionLimits& limits) {
   threshold_ = &threshold;
   map_ = &threshold.map(level);
-  dark_ = dark;
+  steep_ = &threshold.upper_edges(level);
+  dark_ = Threshold::kLevels[level].dark;
+  step_ = Threshold::kLevels[level].row_step;
   known_ = level == Threshold::kLowLevel ? &threshold.map(Threshold::kMiddleLevel) : nullptr;
   limits_ = limits;
   find_tall();
   whole_tall_ = &tall_;
-  // More rows than this tell hardly more.
-  constexpr int kMostRows = 13;
-  ways_rows_ = std::clamp(limits.least_extent - 1, 1, kMostRows);
-  start_rows(0, map_->height());
+  // More pixels than this tell hardly more.
+  constexpr int kMostDown = 12;
+  ways_rows_ = std::clamp(limits.least_extent - 2, 0, kMostDown) / step_ + 1;
+  start_rows(0, rows());
 }
 
 void ConvexRegions::start(const ConvexRegions& whole, int first_row, int end_row) {
   threshold_ = whole.threshold_;
   map_ = whole.map_;
+  steep_ = whole.steep_;
   dark_ = whole.dark_;
+  step_ = whole.step_;
   known_ = whole.known_;
   limits_ = whole.limits_;
   whole_tall_ = &whole.tall_;
   ways_rows_ = whole.ways_rows_;
-  start_rows(first_row, end_row);
+  const auto row = [&](int y) { return std::min((y + step_ - 1) / step_, rows()); };
+  start_rows(row(first_row), row(end_row));
 }
 
 void ConvexRegions::start_rows(int first_row, int end_row) {
@@ -147,11 +154,15 @@ void ConvexRegions::start_rows(int first_row, int end_row) {
   first_row_ = std::max(1, first_row);
   starts_.clear();
   next_start_ = 0;
-  ends_.resize(static_cast<std::size_t>(map_->height()));
-  ways_stride_ = map_->words_in_row() + 2;
-  ways_.assign(static_cast<std::size_t>(ways_rows_ * ways_stride_), 0);
+  ends_.resize(static_cast<std::size_t>(rows()));
+  const int words = map_->words_in_row();
+  for (auto* tops : {&top_ends_, &top_open_}) tops->resize(static_cast<std::size_t>(words));
+  tops_in_.resize(static_cast<std::size_t>(words + 63) / 64);
+  ways_stride_ = words + 2;
+  for (auto* ways : {&ways_, &ways_below_})
+    ways->assign(static_cast<std::size_t>(ways_rows_ * ways_stride_), 0);
   // Ways lead through the rows below.
-  row_ = std::min(end_row + ways_rows_ - 1, map_->height());
+  row_ = std::min(end_row + ways_rows_ - 1, rows());
   while (row_ > end_row) {
     --row_;
     find_ways_down();
@@ -184,103 +195,95 @@ bool ConvexRegions::find_survivors() {
     return reinterpret_cast<const std::uint8_t*>(map.origin());
   };
   survives_.resize(starts_.size());
-  kernels::walk_regions({bytes(*map_), bytes(*whole_tall_), map_->bits_in_row() / 8, map_->width(),
-                         map_->height(), dark_, limits_.least_extent, limits_.least_length,
-                         static_cast<int>(std::ceil(limits_.least_area))},
-                        starts_.data(), starts_.size(), survives_.data());
+  kernels::walk_regions(
+      {bytes(*map_), bytes(*whole_tall_), step_ * map_->bits_in_row() / 8, map_->width(), rows(),
+       step_, dark_, limits_.least_extent, limits_.least_length,
+       static_cast<int>(std::ceil(limits_.least_area / step_))},
+      starts_.data(), starts_.size(), survives_.data());
   return true;
 }
 
 void ConvexRegions::find_tall() {
   const std::uint64_t flip = dark_ ? 0 : ~std::uint64_t{0};
+  const int words = map_->words_in_row();
   tall_.resize(map_->width(), map_->height());
-  for (int y = 2; y < map_->height(); ++y) {
-    std::uint64_t* tall = tall_.row(y);
-    for (int word = 0; word < map_->words_in_row(); ++word)
-      tall[word] = (map_->row(y)[word] ^ flip) & (map_->row(y - 1)[word] ^ flip) &
-                   (map_->row(y - 2)[word] ^ flip);
+  for (int row = 0; row < rows(); ++row) {
+    std::uint64_t* tall = tall_.row(row * step_);
+    const int top = row - 2 / step_;
+    if (top >= 0)
+      kernels::tall_bits(row_of(*map_, row), row_of(*map_, row - 1), row_of(*map_, top), flip,
+                         words, tall);
+    else
+      std::fill_n(tall, words, 0);
   }
-  for (const int y : {0, 1})
-    if (y < map_->height()) std::fill_n(tall_.row(y), map_->words_in_row(), 0);
 }
 
 /// From those of the row below.
 void ConvexRegions::find_ways_down() {
-  const std::uint64_t flip = dark_ ? 0 : ~std::uint64_t{0};
-  const int words = map_->words_in_row();
-  for (int rows = ways_rows_; rows > 1; --rows)
-    kernels::ways_down(map_->row(row_), flip, ways(rows - 1), words, ways(rows));
-  std::uint64_t* own = ways(1);
-  const std::uint64_t* here = map_->row(row_);
-  for (int word = 0; word < words; ++word) own[word] = here[word] ^ flip;
+  ways_.swap(ways_below_);
+  constexpr int kReach = 2;  // pixels beside, for each one down
+  kernels::ways_down(row_of(*map_, row_), dark_ ? 0 : ~std::uint64_t{0}, map_->words_in_row(),
+                     ways_rows_, kReach * step_, ways_below_.data() + 1, ways_stride_,
+                     ways_.data() + 1);
 }
 
 /// Appends where regions begin in this row that go on down for a while: stretches of dark below
-/// nothing but bright, or of bright below nothing but dark.
+/// nothing but something much brighter, or the other way round.
 void ConvexRegions::find_tops() {
   const std::uint64_t flip = dark_ ? 0 : ~std::uint64_t{0};
-  const std::uint64_t* here = map_->row(row_);
-  const std::uint64_t* above = map_->row(row_ - 1);
-  const std::uint64_t* going_on = ways(ways_rows_);
-  const int words = map_->words_in_row();
-  // A sum carries a bit that is set anywhere in a stretch of edge to the bit behind the stretch:
-  // once the stretch's first one, if the region begins there too, once those with a way down. What
-  // leaves a word enters the next one.
-  std::uint64_t carry_of_begin = 0;
-  std::uint64_t carry_of_ways = 0;
-  const auto behind = [](std::uint64_t stretches, std::uint64_t bits, std::uint64_t& carry) {
-    const std::uint64_t sum = stretches + bits;
-    const std::uint64_t total = sum + carry;
-    carry = (sum < stretches ? 1U : 0U) | (total < sum ? 1U : 0U);
-    return total & ~stretches;
-  };
-  std::uint64_t before = flip;
-  for (int word = 0; word <= words; ++word) {
-    const std::uint64_t inside = here[word] ^ flip;
-    const std::uint64_t edge = inside & ~(above[word] ^ flip);
-    const std::uint64_t begin = edge & ~(inside << 1 | before >> 63);
-    before = inside;
-    std::uint64_t found = behind(edge, begin, carry_of_begin) &
-                          behind(edge, edge & going_on[word], carry_of_ways) & ~inside;
-    for (; found != 0; found &= found - 1) {
-      const int end = std::countr_zero(found);
-      std::uint64_t outside = ~inside & ((std::uint64_t{1} << end) - 1);
-      int at = word;
-      while (outside == 0) outside = ~(here[--at] ^ flip);
-      const int left = 64 * at + 64 - std::countl_zero(outside);
-      const int right = 64 * word + end - 1;
-      if (left > 0 && right < map_->width() - 1) starts_.push_back({left, right, row_});
+  const std::uint64_t* here = row_of(*map_, row_);
+  kernels::region_tops({here, row_of(*map_, row_ - 1), flip, row_of(*steep_, row_), longest_ways(),
+                        map_->words_in_row()},
+                       {top_ends_.data(), top_open_.data(), tops_in_.data()});
+  for (std::size_t block = 0; block < tops_in_.size(); ++block)
+    for (std::uint64_t some = tops_in_[block]; some != 0; some &= some - 1) {
+      const std::size_t word = 64 * block + static_cast<std::size_t>(std::countr_zero(some));
+      const int first = 64 * static_cast<int>(word);
+      for (std::uint64_t ends = top_ends_[word]; ends != 0; ends &= ends - 1) {
+        const int end = std::countr_zero(ends);
+        const std::uint64_t outside = ~(here[word] ^ flip) & ((std::uint64_t{1} << end) - 1);
+        add_top(first + 64 - std::countl_zero(outside), first + end - 1);
+      }
+      if (top_open_[word] != 0) add_open_top(static_cast<int>(word));
     }
-  }
 }
 
-/// Whether the grey changes across the upper edge as it does at the edge of ink, and not as at the
-/// edge of a shadow.
-bool ConvexRegions::is_sharp(const RegionTop& top) const {
-  constexpr int kLongEnough = 24;  // pixels of the edge
-  constexpr int kLeastShare = 8;   // of the contrast nearby
-  const ImageView& image = threshold_->image();
-  const std::uint8_t* here = image.row(top.y);
-  const std::uint8_t* above = image.row(top.y - 1);
-  const int end = std::min(image.width(), top.x + kLongEnough);
-  const int least = threshold_->contrast(top.x, top.y);
-  for (int x = top.x; x < end && map_->dark(x, top.y) == top.dark; ++x)
-    if (kLeastShare * std::abs(here[x] - above[x]) >= least) return true;
-  return false;
+void ConvexRegions::add_top(int left, int right) {
+  if (left > 0 && right < map_->width() - 1) starts_.push_back({left, right, row_});
+}
+
+/// Likewise the stretch that begins in a word and reaches its end.
+void ConvexRegions::add_open_top(int word) {
+  const std::uint64_t flip = dark_ ? 0 : ~std::uint64_t{0};
+  const std::uint64_t* here = row_of(*map_, row_);
+  const std::uint64_t* above = row_of(*map_, row_ - 1);
+  const std::uint64_t* steep = row_of(*steep_, row_);
+  const int left = 64 * word + 64 - std::countl_one(here[word] ^ flip);
+  std::uint64_t stretch = ~std::uint64_t{0} << (left % 64);
+  std::uint64_t good = 0;
+  for (;;) {
+    if (((above[word] ^ flip) & stretch) != 0) return;
+    good |= steep[word] & longest_ways()[word] & stretch;
+    if (stretch >> 63 == 0 || ++word == map_->words_in_row()) break;
+    const int ones = std::countr_one(here[word] ^ flip);
+    stretch = ones == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << ones) - 1;
+  }
+  if (good != 0) add_top(left, 64 * word + 63 - std::countl_zero(stretch));
 }
 
 /// Goes down both sides of a region from its top.
 template <bool kDark>
 bool ConvexRegions::may_be_convex(const kernels::RegionStart& start, RegionTop& top) {
-  top = {start.left, start.y, kDark, 0, 0};
   constexpr int kTouch = kDark ? 1 : 0;
-  const auto* row = reinterpret_cast<const std::uint8_t*>(map_->origin());
-  const std::ptrdiff_t stride = map_->bits_in_row() / 8;
+  const auto bytes = [&](const DarkMap& map) {
+    return reinterpret_cast<const std::uint8_t*>(row_of(map, start.y));
+  };
+  const std::uint8_t* row = bytes(*map_);
+  const std::uint8_t* tall = bytes(*whole_tall_);
+  const std::ptrdiff_t stride = step_ * map_->bits_in_row() / 8;
   const int width = map_->width();
-  const int height = map_->height();
-  row += top.y * stride;
-  int left = top.x;
-  const auto* tall = reinterpret_cast<const std::uint8_t*>(whole_tall_->origin()) + top.y * stride;
+  const int most_rows = rows() - start.y;
+  int left = start.left;
   int right = start.right;
   Side left_side(-left);
   Side right_side(right);
@@ -292,7 +295,7 @@ bool ConvexRegions::may_be_convex(const kernels::RegionStart& start, RegionTop& 
   for (;; ++rows) {
     area += right - left + 1;
     row += stride;
-    if (top.y + rows >= height) return false;
+    if (rows >= most_rows) return false;
     const int low = left - kTouch;
     const int high = right + kTouch;
     const End left_end = leftmost<kDark>(row, tall, low, high);
@@ -303,7 +306,7 @@ bool ConvexRegions::may_be_convex(const kernels::RegionStart& start, RegionTop& 
     right = right_end.x;
     if (left_end.from_above || right_end.from_above) return false;
     if (left <= 0 || right >= width - 1) return false;
-    const int tolerance = 2 + rows / 16;
+    const int tolerance = 2 + rows * step_ / 16;
     const bool left_convex = left_side.go_to(-left, tolerance);
     const bool right_convex = right_side.go_to(right, tolerance);
     if (!left_convex || !right_convex) return false;
@@ -311,23 +314,40 @@ bool ConvexRegions::may_be_convex(const kernels::RegionStart& start, RegionTop& 
     most = std::max(most, right);
     ends_[static_cast<std::size_t>(rows)] = {left, right};
   }
-  top.rows = rows;
-  top.columns = most - least + 1;
+  top = {start.left, start.y * step_, kDark, most - least + 1, rows * step_};
   if (std::min(top.rows, top.columns) < limits_.least_extent) return false;
   if (2 * (top.rows + top.columns) < limits_.least_length) return false;
-  return is_sharp(top) && outlines_quad(area, top) && is_news(top);
+  if (!outlines_quad(step_ * area, top) || !is_news(top)) return false;
+  raise(top, start.right);
+  return true;
+}
+
+/// To the region's first pixel, if that is in one of the rows that aren't looked at.
+void ConvexRegions::raise(RegionTop& top, int right) const {
+  for (int up = 1; up < step_; ++up) {
+    const int y = top.y - 1;
+    int x = top.x - 1;
+    while (x <= right + 1 && map_->dark(x, y) != dark_) ++x;
+    if (x > right + 1) return;
+    while (x > 0 && map_->dark(x - 1, y) == dark_) --x;
+    top.x = x;
+    top.y = y;
+    ++top.rows;
+  }
 }
 
 /// Whether beside some part of the region's sides there is the third grey that made a lower level
 /// necessary: bright there, dark in the middle. Otherwise that one finds the region as well.
 bool ConvexRegions::is_news(const RegionTop& top) const {
   if (!known_) return true;
+  const int rows = top.rows / step_;
   int news = 0;
-  for (int y = 0; y < top.rows; ++y) {
-    const Ends& ends = ends_[static_cast<std::size_t>(y)];
-    news += known_->dark(ends.left - 1, top.y + y) || known_->dark(ends.right + 1, top.y + y);
+  for (int row = 0; row < rows; ++row) {
+    const Ends& ends = ends_[static_cast<std::size_t>(row)];
+    const int y = top.y + row * step_;
+    news += known_->dark(ends.left - 1, y) || known_->dark(ends.right + 1, y);
   }
-  return 8 * news >= top.rows;
+  return 8 * news >= rows;
 }
 
 /// Whether a region is about the quadrilateral between the two points of its outline that are
@@ -335,32 +355,28 @@ bool ConvexRegions::is_news(const RegionTop& top) const {
 /// and by how far the outline strays from the sides.
 bool ConvexRegions::outlines_quad(std::int64_t area, const RegionTop& top) const {
   if (static_cast<double>(area) < limits_.least_area) return false;
-  const int rows = top.rows;
-  // Corners of pixels, x from the image's border and y from the region's top.
-  const auto for_each_corner = [&](auto&& visit) {
-    for (int y = 0; y < rows; ++y) {
-      const Ends& ends = ends_[static_cast<std::size_t>(y)];
-      visit(ends.left, y);
-      visit(ends.left, y + 1);
-      visit(ends.right + 1, y);
-      visit(ends.right + 1, y + 1);
-    }
-  };
+  const int rows = top.rows / step_;
+  // Corners of pixels, x from the image's border and y from the region's top. Of the four of a row
+  // the one that counts is known beforehand.
   const auto farthest_from = [&](int from_x, int from_y) {
     Corner best{from_x, from_y};
     std::int64_t most = -1;
-    for_each_corner([&](int x, int y) {
+    for (int row = 0; row < rows; ++row) {
+      const Ends& ends = ends_[static_cast<std::size_t>(row)];
+      const bool to_left = from_x - ends.left > ends.right + 1 - from_x;
+      const int x = to_left ? ends.left : ends.right + 1;
+      const int y = row * step_ + (row * step_ < from_y ? 0 : 1);
       const std::int64_t dx = x - from_x;
       const std::int64_t dy = y - from_y;
       const std::int64_t squared = dx * dx + dy * dy;
-      if (squared <= most) return;
+      if (squared <= most) continue;
       most = squared;
       best = {x, y};
-    });
+    }
     return best;
   };
   const Ends& middle = ends_[static_cast<std::size_t>(rows / 2)];
-  const Corner a = farthest_from((middle.left + middle.right) / 2, rows / 2);
+  const Corner a = farthest_from((middle.left + middle.right) / 2, top.rows / 2);
   const Corner c = farthest_from(a.x, a.y);
   const std::int64_t dx = c.x - a.x;
   const std::int64_t dy = c.y - a.y;
@@ -368,19 +384,23 @@ bool ConvexRegions::outlines_quad(std::int64_t area, const RegionTop& top) const
   std::int64_t right = 0;
   Corner b = a;
   Corner d = a;
-  for_each_corner([&](int x, int y) {
-    const std::int64_t aside = dx * (y - a.y) - dy * (x - a.x);
-    if (aside > right) {
-      right = aside;
-      b = {x, y};
+  for (int row = 0; row < rows; ++row) {
+    const Ends& ends = ends_[static_cast<std::size_t>(row)];
+    const Corner first{dy > 0 ? ends.left : ends.right + 1, row * step_ + (dx > 0 ? 1 : 0)};
+    const Corner last{dy > 0 ? ends.right + 1 : ends.left, row * step_ + (dx > 0 ? 0 : 1)};
+    const std::int64_t most = dx * (first.y - a.y) - dy * (first.x - a.x);
+    const std::int64_t least = dx * (last.y - a.y) - dy * (last.x - a.x);
+    if (most > right) {
+      right = most;
+      b = first;
     }
-    if (aside < left) {
-      left = aside;
-      d = {x, y};
+    if (least < left) {
+      left = least;
+      d = last;
     }
-  });
+  }
   const std::int64_t quad = right - left;  // twice its area
-  const std::int64_t length = 2 * (rows + top.columns);
+  const std::int64_t length = 2 * (top.rows + top.columns);
   // Half a pixel along the way is what noise takes; blur rounds corners.
   const std::int64_t surplus = 2 * area - quad;
   if (surplus < -quad / 6 - length || surplus > quad / 8 + length / 2) return false;
@@ -418,7 +438,7 @@ bool ConvexRegions::keeps_to(const std::array<Corner, 4>& corners, int rows) con
   float most = 0.0F;
   for (int row = 0; row < rows; ++row) {
     const Ends& ends = ends_[static_cast<std::size_t>(row)];
-    const float y = static_cast<float>(row) + 0.5F;
+    const float y = static_cast<float>(row * step_) + 0.5F;
     const float left = beyond(static_cast<float>(ends.left), y);
     const float right = beyond(static_cast<float>(ends.right + 1), y);
     least = std::min(least, std::min(left, right));

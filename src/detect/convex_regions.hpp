@@ -34,8 +34,8 @@ struct RegionTop {
 /// bright ones don't. What touches the image's border isn't found.
 class ConvexRegions {
  public:
-  /// Gets ready for the dark or the bright regions of one level.
-  void start(const Threshold& threshold, std::size_t level, bool dark, const RegionLimits& limits);
+  /// Gets ready for the regions of one level.
+  void start(const Threshold& threshold, std::size_t level, const RegionLimits& limits);
 
   /// Likewise for those of `whole`, which has been started and stays where it is, that begin in
   /// some rows: from first_row to before end_row. Other parts may be looked through at the same
@@ -54,13 +54,20 @@ class ConvexRegions {
   struct Corner {
     int x, y;
   };
-  std::uint64_t* ways(int rows) { return ways_.data() + (rows - 1) * ways_stride_ + 1; }
+  const std::uint64_t* longest_ways() const {
+    return ways_.data() + 1 + (ways_rows_ - 1) * ways_stride_;
+  }
+  // So many that the one below the last is still within the map's padding.
+  int rows() const { return map_->height() / step_; }
+  const std::uint64_t* row_of(const DarkMap& map, int row) const { return map.row(row * step_); }
   void start_rows(int first_row, int end_row);
   void find_tall();
   void find_ways_down();
   void find_tops();
+  void add_top(int left, int right);
+  void add_open_top(int word);
+  void raise(RegionTop& top, int right) const;
   bool is_news(const RegionTop& top) const;
-  bool is_sharp(const RegionTop& top) const;
   bool find_survivors();
   template <bool kDark>
   bool may_be_convex(const kernels::RegionStart& start, RegionTop& top);
@@ -70,19 +77,23 @@ class ConvexRegions {
 
   const Threshold* threshold_ = nullptr;
   const DarkMap* map_ = nullptr;
+  const DarkMap* steep_ = nullptr;  // where the edge above a region may lie
   RegionLimits limits_;
   bool dark_ = true;
+  // Only every so many rows are looked at; rows below count those.
+  int step_ = 1;
   const DarkMap* known_ = nullptr;  // at the low level, the map in which all others are found
   int first_row_ = 1;
   int row_ = 0;
-  // Pixels of this row, and at first of the one below, from which a way within the region leads
-  // down for at least 1, 2 ... ways_rows_ rows, one after the other; one word of padding on either
-  // side.
-  std::vector<std::uint64_t> ways_;
+  // Pixels of this row from which a way within the region leads down for at least 1, 2 ...
+  // ways_rows_ rows, one after the other, with one word of padding on either side; and of the row
+  // below.
+  std::vector<std::uint64_t> ways_, ways_below_;
   std::ptrdiff_t ways_stride_ = 0;
   int ways_rows_ = 1;
-  std::vector<kernels::RegionStart> starts_;  // of some rows
-  std::vector<std::uint8_t> survives_;        // which of them may be convex
+  std::vector<std::uint64_t> top_ends_, top_open_, tops_in_;  // of this row: kernels::Tops
+  std::vector<kernels::RegionStart> starts_;                  // of some rows
+  std::vector<std::uint8_t> survives_;                        // which of them may be convex
   std::size_t next_start_ = 0;
   std::vector<Ends> ends_;               // of the region, row by row
   DarkMap tall_;                         // where this and the two pixels above are the region's:

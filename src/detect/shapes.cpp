@@ -8,22 +8,21 @@
 namespace harco::detect {
 namespace {
 
-/// A level of the threshold at which dark or bright regions are looked for.
+/// A level of the threshold at which regions are looked for.
 struct Pass {
   std::size_t level;
-  bool dark;
   double least_side;  // pixels
+  bool dark() const { return Threshold::kLevels[level].dark; }
 };
 // A marker in shade beside sunlit ground is rare, and what is dark at the low level is mostly fine
 // texture: too much of it to look for small ones.
-constexpr std::array<Pass, 3> kPasses{{{Threshold::kMiddleLevel, true, 0.0},
-                                       {Threshold::kLineLevel, false, 0.0},
-                                       {Threshold::kLowLevel, true, 28.0}}};
+constexpr std::array<Pass, 3> kPasses{
+    {{Threshold::kMiddleLevel, 0.0}, {Threshold::kLineLevel, 0.0}, {Threshold::kLowLevel, 28.0}}};
 
 double least_side(const Pass& pass, double min_side) { return std::max(min_side, pass.least_side); }
 
 int cells_across(const Pass& pass, const ShapeLimits& limits) {
-  return pass.dark ? limits.island_cells : limits.hole_cells;
+  return pass.dark() ? limits.island_cells : limits.hole_cells;
 }
 bool is_wanted(const Pass& pass, const ShapeLimits& limits) {
   return cells_across(pass, limits) > 0;
@@ -150,8 +149,7 @@ void ShapeFinder::find(const ImageView& image, const ShapeLimits& limits, Worker
   divide(limits, workers);
   workers.share(kPasses.size(), [&](std::size_t pass, std::size_t) {
     if (is_wanted(kPasses[pass], limits))
-      passes_[pass].start(threshold_, kPasses[pass].level, kPasses[pass].dark,
-                          outline_of(kPasses[pass], limits));
+      passes_[pass].start(threshold_, kPasses[pass].level, outline_of(kPasses[pass], limits));
   });
   scratch_.resize(workers.count());
   workers.share(count_of_parts_, [&](std::size_t part, std::size_t worker) {

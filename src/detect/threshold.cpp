@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "detect/kernels/dark_bits.hpp"
+#include "detect/kernels/steep_bits.hpp"
 #include "detect/kernels/tile_thresholds.hpp"
 
 namespace harco::detect {
@@ -40,7 +41,9 @@ void Threshold::measure(const ImageView& image, const Wanted& wanted, Workers& w
   near_low_.resize(columns * static_cast<std::size_t>(bands_));
   near_high_.resize(near_low_.size());
   for (std::size_t level = 0; level < kLevels.size(); ++level)
-    if (wanted[level]) maps_[level].resize(image.width(), image.height());
+    if (wanted[level])
+      for (DarkMap* map : {&maps_[level], &upper_edges_[level]})
+        map->resize(image.width(), image.height());
 
   measure_noise(scratch_[0]);
   min_contrast_ = contrast_above_noise(noise_);
@@ -114,6 +117,22 @@ void Threshold::find_dark(int band, const Wanted& wanted, Scratch& scratch) {
     for (int y = band * kTile; y < end; ++y)
       kernels::dark_bits(image_.row(y), scratch.thresholds.data(), image_.width(),
                          reinterpret_cast<std::uint8_t*>(maps_[level].row(y)));
+    find_upper_edges(band, level, scratch);
+  }
+}
+
+void Threshold::find_upper_edges(int band, std::size_t level, Scratch& scratch) {
+  const std::ptrdiff_t first = std::ptrdiff_t{band} * columns_;
+  std::uint8_t* least = scratch.thresholds.data();
+  kernels::tile_shares(near_low_.data() + first, near_high_.data() + first, columns_,
+                       kLevels[level].steep, least);
+  const int end = std::min((band + 1) * kTile, image_.height());
+  for (int y = band * kTile; y < end; y += kLevels[level].row_step) {
+    const std::uint8_t* above = image_.row(std::max(y - 2, 0));
+    const std::uint8_t* below = image_.row(std::min(y + 1, image_.height() - 1));
+    if (!kLevels[level].dark) std::swap(above, below);
+    kernels::steep_bits(above, below, least, image_.width(),
+                        reinterpret_cast<std::uint8_t*>(upper_edges_[level].row(y)));
   }
 }
 

@@ -59,11 +59,15 @@ class Threshold {
   struct Level {
     int sixteenths;      ///< where the threshold lies between darkest (0) and brightest (16)
     int least_contrast;  ///< grey levels; noise may ask for more
+    bool dark;           ///< whether it is dark regions that are looked for, or bright ones
+    int steep;           ///< sixteenths of the contrast, for upper_edges
+    int row_step;        ///< regions are looked for in every row, or every second one
   };
   /// The middle finds wide structure without bias. The higher one holds thin dark lines of small
   /// children together. The lower one finds markers in shade beside sunlit ground, where there is
   /// a third grey between the two.
-  static constexpr std::array<Level, 3> kLevels{{{8, 16}, {11, 16}, {5, 48}}};
+  static constexpr std::array<Level, 3> kLevels{
+      {{8, 16, true, 6, 1}, {11, 16, false, 2, 1}, {5, 48, true, 4, 2}}};
   static constexpr std::size_t kMiddleLevel = 0;
   static constexpr std::size_t kLineLevel = 1;
   static constexpr std::size_t kLowLevel = 2;
@@ -90,6 +94,11 @@ class Threshold {
   }
 
   const DarkMap& map(std::size_t level) const { return maps_[level]; }
+
+  /// Where the grey changes from above a pixel to below it as at the upper edge of a region, and
+  /// not as in a blur or in faint texture: from two rows above to one below, by the level's share
+  /// of the contrast nearby. Of those rows in which regions are looked for.
+  const DarkMap& upper_edges(std::size_t level) const { return upper_edges_[level]; }
 
   /// Signed distance of a pixel from its threshold, in grey levels x kScale: negative is dark.
   /// Valid everywhere, bright outside of the image.
@@ -125,6 +134,7 @@ class Threshold {
   void measure_noise(Scratch& scratch);
   void measure_band(int band, Scratch& scratch) const;
   void find_dark(int band, const Wanted& wanted, Scratch& scratch);
+  void find_upper_edges(int band, std::size_t level, Scratch& scratch);
 
   ImageView image_;
   int columns_ = 0, bands_ = 0;
@@ -133,6 +143,7 @@ class Threshold {
   std::vector<Scratch> scratch_;
   std::vector<std::uint8_t> near_low_, near_high_;  // of the 3 x 3 tiles around each tile
   std::array<DarkMap, kLevels.size()> maps_;
+  std::array<DarkMap, kLevels.size()> upper_edges_;
 };
 
 }  // namespace harco::detect

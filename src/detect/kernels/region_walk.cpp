@@ -19,7 +19,7 @@ namespace harco::detect::kernels {
 constexpr std::int32_t kHalf = (1 << (kWalkReach + 1)) - 1;
 
 /// How much a side may go out again.
-constexpr int walk_tolerance(int rows) { return 2 + rows / 16; }
+constexpr int walk_tolerance(int height) { return 2 + height / 16; }
 
 }  // namespace harco::detect::kernels
 #endif
@@ -130,7 +130,8 @@ void walk_together(const RegionMap& map, Walks& walks, std::size_t count, std::u
   const auto last = hn::Set(kLanes, map.width - 1);
   for (int rows = 1; count > 0 && rows < kWalkRows; ++rows) {
     const auto row_count = hn::Set(kLanes, rows);
-    const auto tolerance = hn::Set(kLanes, walk_tolerance(rows));
+    const auto height = hn::Set(kLanes, rows * map.row_step);
+    const auto tolerance = hn::Set(kLanes, walk_tolerance(rows * map.row_step));
     std::size_t kept = 0;
     for (std::size_t at = 0; at < count; at += lanes) {
       const auto real = hn::FirstN(kLanes, count - at);
@@ -174,10 +175,9 @@ void walk_together(const RegionMap& map, Walks& walks, std::size_t count, std::u
       auto most = load(walks.most, at);
       const auto columns = hn::Add(hn::Sub(most, least), one);
       auto area = load(walks.area, at);
-      const auto large =
-          hn::And(at_least(hn::Min(columns, row_count), hn::Set(kLanes, map.least_extent)),
-                  at_least(hn::ShiftLeft<1>(hn::Add(columns, row_count)),
-                           hn::Set(kLanes, map.least_length)));
+      const auto large = hn::And(
+          at_least(hn::Min(columns, height), hn::Set(kLanes, map.least_extent)),
+          at_least(hn::ShiftLeft<1>(hn::Add(columns, height)), hn::Set(kLanes, map.least_length)));
       const auto wide = at_least(area, hn::Set(kLanes, map.least_area));
       area = hn::Add(area, hn::Add(hn::Sub(right, left), one));
 
@@ -309,10 +309,11 @@ bool survives_walk(const RegionMap& map, const RegionStart& start) {
     const int right_ones = std::min(kWalkReach, std::countr_zero(free_right));
     left = low + std::countr_zero(set_in) - std::max(left_ones - 1, 0);
     right = high - (std::countl_zero(set_left) - (31 - kWalkReach)) + std::max(right_ones - 1, 0);
+    const int height = rows * map.row_step;
     if (none || (!far && left > high)) {
       const int columns = most - least + 1;
-      return std::min(rows, columns) >= map.least_extent &&
-             2 * (rows + columns) >= map.least_length && area >= map.least_area;
+      return std::min(height, columns) >= map.least_extent &&
+             2 * (height + columns) >= map.least_length && area >= map.least_area;
     }
     // The pixel next to the last end may hang on to it.
     for (int out = 2; out < left_ones; ++out)
@@ -321,7 +322,7 @@ bool survives_walk(const RegionMap& map, const RegionStart& start) {
       if ((pixels_from(tall, high + out) & 1) != 0) return false;
     if (far) return true;
     if (left <= 0 || right >= map.width - 1) return false;
-    const int tolerance = walk_tolerance(rows);
+    const int tolerance = walk_tolerance(height);
     if (!left_side.goes_on(-left, tolerance) || !right_side.goes_on(right, tolerance)) return false;
     least = std::min(least, left);
     most = std::max(most, right);

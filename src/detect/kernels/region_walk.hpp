@@ -11,12 +11,13 @@ namespace harco::detect::kernels {
 struct RegionMap {
   const std::uint8_t* bits;  ///< the region's pixels are set if `dark`, else clear
   const std::uint8_t* tall;  ///< set where this and the two pixels above are the region's
-  std::ptrdiff_t stride;     ///< bytes from row to row, of both
-  int width, height;
-  bool dark;         ///< pixels that touch at a corner hang together
-  int least_extent;  ///< of a bounding box's both sides, in pixels
-  int least_length;  ///< of the way around it, in steps along the sides of pixels
-  int least_area;    ///< in pixels
+  std::ptrdiff_t stride;     ///< bytes from row to row of those that are looked at, of both
+  int width, height;         ///< height in such rows
+  int row_step;              ///< pixels from one to the next
+  bool dark;                 ///< pixels that touch at a corner hang together
+  int least_extent;          ///< of a bounding box's both sides, in pixels
+  int least_length;          ///< of the way around it, in steps along the sides of pixels
+  int least_area;            ///< in pixels of the rows that are looked at
 };
 
 /// The first row of a region: its pixels from `left` to `right`, within the image.

@@ -5,6 +5,7 @@
 // Highway compiles this file once for every instruction set.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "detect/kernels/tile_extremes.cpp"
+#include <hwy/cache_control.h>
 #include <hwy/foreach_target.h>
 // After foreach_target.
 #include <hwy/highway.h>
@@ -47,6 +48,8 @@ void tile_extremes_simd(const std::uint8_t* HWY_RESTRICT pixels, std::ptrdiff_t 
   for (int x = 0; x < whole; x += lanes) {
     const int at = std::min(x, whole - lanes);  // the last step may overlap the one before it
     const std::uint8_t* HWY_RESTRICT column = pixels + at;
+    // The next band: nobody has read it yet.
+    for (int y = 0; y < rows; ++y) hwy::Prefetch(column + (rows + y) * stride);
     auto least = hn::LoadU(bytes, column);
     auto most = least;
     for (int y = 1; y < rows; ++y) {

@@ -25,6 +25,11 @@ void thresholds_simd(const std::uint8_t* low, const std::uint8_t* high, int tile
   tile_thresholds_scalar(low, high, tiles, level, min_contrast, thresholds);
 }
 
+void shares_simd(const std::uint8_t* low, const std::uint8_t* high, int tiles, int level,
+                 std::uint8_t* shares) {
+  tile_shares_scalar(low, high, tiles, level, shares);
+}
+
 #else
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -51,30 +56,63 @@ void nearby_simd(const TileBands& bands, int tiles, std::uint8_t* HWY_RESTRICT l
   }
 }
 
+using Words = hn::ScalableTag<std::uint32_t>;  // one tile's columns each
+constexpr Words kWords;
+
+/// Lanes of contrast, and of what `level` sixteenths of it come to.
+struct Contrast {
+  hn::Vec<Words> whole, share;
+};
+HWY_INLINE Contrast contrast_of(hn::Vec<Words> low, hn::Vec<Words> high, int level) {
+  const auto whole = hn::Sub(high, low);
+  const auto sixteenths = hn::Mul(whole, hn::Set(kWords, static_cast<std::uint32_t>(level)));
+  return {whole, hn::ShiftRight<4>(hn::Add(sixteenths, hn::Set(kWords, 15)))};
+}
+
+HWY_INLINE hn::Vec<Words> load_tiles(const std::uint8_t* tiles) {
+  const hn::Rebind<std::uint8_t, Words> bytes;
+  return hn::PromoteTo(kWords, hn::LoadU(bytes, tiles));
+}
+
+/// Writes each tile's value to its columns.
+HWY_INLINE void store_columns(hn::Vec<Words> values, std::uint8_t* columns) {
+  const hn::Repartition<std::uint8_t, Words> bytes;
+  values = hn::Or(values, hn::ShiftLeft<8>(values));
+  values = hn::Or(values, hn::ShiftLeft<16>(values));
+  hn::StoreU(hn::BitCast(bytes, values), bytes, columns);
+}
+
 void thresholds_simd(const std::uint8_t* HWY_RESTRICT low, const std::uint8_t* HWY_RESTRICT high,
                      int tiles, int level, int min_contrast,
                      std::uint8_t* HWY_RESTRICT thresholds) {
-  const hn::ScalableTag<std::uint32_t> words;  // one tile's columns each
-  const hn::Rebind<std::uint8_t, decltype(words)> bytes;
-  const hn::Repartition<std::uint8_t, decltype(words)> columns;
-  const int lanes = static_cast<int>(hn::Lanes(words));
+  const int lanes = static_cast<int>(hn::Lanes(kWords));
   if (tiles < lanes) {
     tile_thresholds_scalar(low, high, tiles, level, min_contrast, thresholds);
     return;
   }
-  const auto factor = hn::Set(words, static_cast<std::uint32_t>(level));
-  const auto least_contrast = hn::Set(words, static_cast<std::uint32_t>(min_contrast));
-  const auto round_up = hn::Set(words, 15);
+  const auto least_contrast = hn::Set(kWords, static_cast<std::uint32_t>(min_contrast));
   for (int tile = 0; tile < tiles; tile += lanes) {
     const int at = std::min(tile, tiles - lanes);
-    const auto least = hn::PromoteTo(words, hn::LoadU(bytes, low + at));
-    const auto contrast = hn::Sub(hn::PromoteTo(words, hn::LoadU(bytes, high + at)), least);
-    auto threshold =
-        hn::Add(least, hn::ShiftRight<4>(hn::Add(hn::Mul(contrast, factor), round_up)));
-    threshold = hn::IfThenZeroElse(hn::Lt(contrast, least_contrast), threshold);
-    threshold = hn::Or(threshold, hn::ShiftLeft<8>(threshold));
-    threshold = hn::Or(threshold, hn::ShiftLeft<16>(threshold));
-    hn::StoreU(hn::BitCast(columns, threshold), columns, thresholds + at * kTile);
+    const auto least = load_tiles(low + at);
+    const Contrast contrast = contrast_of(least, load_tiles(high + at), level);
+    store_columns(
+        hn::IfThenZeroElse(hn::Lt(contrast.whole, least_contrast), hn::Add(least, contrast.share)),
+        thresholds + at * kTile);
+  }
+}
+
+void shares_simd(const std::uint8_t* HWY_RESTRICT low, const std::uint8_t* HWY_RESTRICT high,
+                 int tiles, int level, std::uint8_t* HWY_RESTRICT shares) {
+  const int lanes = static_cast<int>(hn::Lanes(kWords));
+  if (tiles < lanes) {
+    tile_shares_scalar(low, high, tiles, level, shares);
+    return;
+  }
+  const auto one = hn::Set(kWords, 1);
+  for (int tile = 0; tile < tiles; tile += lanes) {
+    const int at = std::min(tile, tiles - lanes);
+    const Contrast contrast = contrast_of(load_tiles(low + at), load_tiles(high + at), level);
+    store_columns(hn::Max(contrast.share, one), shares + at * kTile);
   }
 }
 
@@ -88,6 +126,7 @@ namespace harco::detect::kernels {
 
 HWY_EXPORT(nearby_simd);
 HWY_EXPORT(thresholds_simd);
+HWY_EXPORT(shares_simd);
 
 void tile_extremes_nearby(const TileBands& bands, int tiles, std::uint8_t* low,
                           std::uint8_t* high) {
@@ -97,6 +136,11 @@ void tile_extremes_nearby(const TileBands& bands, int tiles, std::uint8_t* low,
 void tile_thresholds(const std::uint8_t* low, const std::uint8_t* high, int tiles, int level,
                      int min_contrast, std::uint8_t* thresholds) {
   HWY_DYNAMIC_DISPATCH(thresholds_simd)(low, high, tiles, level, min_contrast, thresholds);
+}
+
+void tile_shares(const std::uint8_t* low, const std::uint8_t* high, int tiles, int level,
+                 std::uint8_t* shares) {
+  HWY_DYNAMIC_DISPATCH(shares_simd)(low, high, tiles, level, shares);
 }
 
 void tile_extremes_nearby_scalar(const TileBands& bands, int tiles, std::uint8_t* low,
@@ -120,6 +164,14 @@ void tile_thresholds_scalar(const std::uint8_t* low, const std::uint8_t* high, i
     const int contrast = high[tile] - low[tile];
     const int threshold = contrast < min_contrast ? 0 : low[tile] + ((contrast * level + 15) >> 4);
     std::fill_n(thresholds + tile * kTile, kTile, static_cast<std::uint8_t>(threshold));
+  }
+}
+
+void tile_shares_scalar(const std::uint8_t* low, const std::uint8_t* high, int tiles, int level,
+                        std::uint8_t* shares) {
+  for (int tile = 0; tile < tiles; ++tile) {
+    const int share = ((high[tile] - low[tile]) * level + 15) >> 4;
+    std::fill_n(shares + tile * kTile, kTile, static_cast<std::uint8_t>(std::max(share, 1)));
   }
 }
 

@@ -21,10 +21,17 @@ void tile_extremes_nearby(const TileBands& bands, int tiles, std::uint8_t* low, 
 void tile_thresholds(const std::uint8_t* low, const std::uint8_t* high, int tiles, int level,
                      int min_contrast, std::uint8_t* thresholds);
 
+/// Of each tile `level` sixteenths of the contrast, rounded up, at least one grey level; written
+/// four times likewise.
+void tile_shares(const std::uint8_t* low, const std::uint8_t* high, int tiles, int level,
+                 std::uint8_t* shares);
+
 /// The same in plain C++.
 void tile_extremes_nearby_scalar(const TileBands& bands, int tiles, std::uint8_t* low,
                                  std::uint8_t* high);
 void tile_thresholds_scalar(const std::uint8_t* low, const std::uint8_t* high, int tiles, int level,
                             int min_contrast, std::uint8_t* thresholds);
+void tile_shares_scalar(const std::uint8_t* low, const std::uint8_t* high, int tiles, int level,
+                        std::uint8_t* shares);
 
 }  // namespace harco::detect::kernels

@@ -14,38 +14,59 @@ namespace harco::detect::kernels::HWY_NAMESPACE {
 
 #if HWY_TARGET == HWY_SCALAR
 
-void ways_down_simd(const std::uint64_t* here, std::uint64_t flip, const std::uint64_t* below,
-                    int words, std::uint64_t* ways) {
-  ways_down_scalar(here, flip, below, words, ways);
+void ways_down_simd(const std::uint64_t* here, std::uint64_t flip, int words, int rows, int reach,
+                    const std::uint64_t* below, std::ptrdiff_t stride, std::uint64_t* ways) {
+  ways_down_scalar(here, flip, words, rows, reach, below, stride, ways);
 }
 
 #else
 
 namespace hn = hwy::HWY_NAMESPACE;
+constexpr hn::ScalableTag<std::uint64_t> kWords;
+using Words = hn::Vec<decltype(kWords)>;
 
-void ways_down_simd(const std::uint64_t* HWY_RESTRICT here, std::uint64_t flip,
-                    const std::uint64_t* HWY_RESTRICT below, int words,
-                    std::uint64_t* HWY_RESTRICT ways) {
-  const hn::ScalableTag<std::uint64_t> lanes_of_words;
-  const int lanes = static_cast<int>(hn::Lanes(lanes_of_words));
-  if (words < lanes) {
-    ways_down_scalar(here, flip, below, words, ways);
-    return;
+/// What is set up to kReach bits beside, in a row of words.
+template <int kReach>
+HWY_INLINE Words nearby(Words left, Words middle, Words right) {
+  if constexpr (kReach == 0) {
+    return middle;
+  } else {
+    const auto from_left = hn::Or(hn::ShiftLeft<kReach>(middle), hn::ShiftRight<64 - kReach>(left));
+    const auto from_right =
+        hn::Or(hn::ShiftRight<kReach>(middle), hn::ShiftLeft<64 - kReach>(right));
+    return hn::Or(hn::Or(from_left, from_right), nearby<kReach - 1>(left, middle, right));
   }
-  const auto inverted = hn::Set(lanes_of_words, flip);
+}
+
+template <int kReach>
+void ways_within(const std::uint64_t* HWY_RESTRICT here, std::uint64_t flip, int words, int rows,
+                 const std::uint64_t* HWY_RESTRICT below, std::ptrdiff_t stride,
+                 std::uint64_t* HWY_RESTRICT ways) {
+  const int lanes = static_cast<int>(hn::Lanes(kWords));
+  const auto inverted = hn::Set(kWords, flip);
   for (int word = 0; word < words; word += lanes) {
     const int at = std::min(word, words - lanes);  // the last step may overlap the one before it
-    const auto left = hn::LoadU(lanes_of_words, below + at - 1);
-    const auto middle = hn::LoadU(lanes_of_words, below + at);
-    const auto right = hn::LoadU(lanes_of_words, below + at + 1);
-    const auto from_left = hn::Or(hn::Or(hn::ShiftLeft<1>(middle), hn::ShiftRight<63>(left)),
-                                  hn::Or(hn::ShiftLeft<2>(middle), hn::ShiftRight<62>(left)));
-    const auto from_right = hn::Or(hn::Or(hn::ShiftRight<1>(middle), hn::ShiftLeft<63>(right)),
-                                   hn::Or(hn::ShiftRight<2>(middle), hn::ShiftLeft<62>(right)));
-    const auto reached = hn::Or(middle, hn::Or(from_left, from_right));
-    const auto own = hn::Xor(hn::LoadU(lanes_of_words, here + at), inverted);
-    hn::StoreU(hn::And(own, reached), lanes_of_words, ways + at);
+    const auto own = hn::Xor(hn::LoadU(kWords, here + at), inverted);
+    const std::uint64_t* from = below + at;
+    std::uint64_t* to = ways + at;
+    hn::StoreU(own, kWords, to);
+    for (int row = 1; row < rows; ++row, from += stride) {
+      const auto reached = nearby<kReach>(hn::LoadU(kWords, from - 1), hn::LoadU(kWords, from),
+                                          hn::LoadU(kWords, from + 1));
+      to += stride;
+      hn::StoreU(hn::And(own, reached), kWords, to);
+    }
   }
+}
+
+void ways_down_simd(const std::uint64_t* here, std::uint64_t flip, int words, int rows, int reach,
+                    const std::uint64_t* below, std::ptrdiff_t stride, std::uint64_t* ways) {
+  if (words < static_cast<int>(hn::Lanes(kWords)))
+    ways_down_scalar(here, flip, words, rows, reach, below, stride, ways);
+  else if (reach == 2)
+    ways_within<2>(here, flip, words, rows, below, stride, ways);
+  else
+    ways_within<4>(here, flip, words, rows, below, stride, ways);
 }
 
 #endif
@@ -58,20 +79,24 @@ namespace harco::detect::kernels {
 
 HWY_EXPORT(ways_down_simd);
 
-void ways_down(const std::uint64_t* here, std::uint64_t flip, const std::uint64_t* below, int words,
-               std::uint64_t* ways) {
-  HWY_DYNAMIC_DISPATCH(ways_down_simd)(here, flip, below, words, ways);
+void ways_down(const std::uint64_t* here, std::uint64_t flip, int words, int rows, int reach,
+               const std::uint64_t* below, std::ptrdiff_t stride, std::uint64_t* ways) {
+  HWY_DYNAMIC_DISPATCH(ways_down_simd)(here, flip, words, rows, reach, below, stride, ways);
 }
 
-void ways_down_scalar(const std::uint64_t* here, std::uint64_t flip, const std::uint64_t* below,
-                      int words, std::uint64_t* ways) {
+void ways_down_scalar(const std::uint64_t* here, std::uint64_t flip, int words, int rows, int reach,
+                      const std::uint64_t* below, std::ptrdiff_t stride, std::uint64_t* ways) {
   for (int word = 0; word < words; ++word) {
-    const std::uint64_t left = below[word - 1];
-    const std::uint64_t middle = below[word];
-    const std::uint64_t right = below[word + 1];
-    const std::uint64_t from_left = middle << 1 | left >> 63 | middle << 2 | left >> 62;
-    const std::uint64_t from_right = middle >> 1 | right << 63 | middle >> 2 | right << 62;
-    ways[word] = (here[word] ^ flip) & (middle | from_left | from_right);
+    const std::uint64_t own = here[word] ^ flip;
+    ways[word] = own;
+    for (int row = 1; row < rows; ++row) {
+      const std::uint64_t* from = below + (row - 1) * stride + word;
+      std::uint64_t reached = from[0];
+      for (int beside = 1; beside <= reach; ++beside)
+        reached |= from[0] << beside | from[-1] >> (64 - beside) | from[0] >> beside |
+                   from[1] << (64 - beside);
+      ways[row * stride + word] = own & reached;
+    }
   }
 }
 

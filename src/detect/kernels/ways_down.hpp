@@ -1,18 +1,21 @@
-// Where a way leads down, for one row of a map of bits.
+// From where ways lead down, for one row of a map of bits.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 namespace harco::detect::kernels {
 
-/// Those pixels of a row, one bit each, that have a set pixel of the row `below` under them or up
-/// to two pixels beside that. `here` counts inverted if `flip` is all ones. Reads below[-1] and
-/// below[words] as well; bit 0 of a word is the leftmost.
-void ways_down(const std::uint64_t* here, std::uint64_t flip, const std::uint64_t* below, int words,
-               std::uint64_t* ways);
+/// The pixels of a row, one bit each, from which a way leads down through 1, 2 ... `rows` rows, its
+/// own among them: row k of `ways` tells of k + 1. A way goes from a pixel to the one under it or
+/// up to `reach` (2 or 4) beside that. `here` counts inverted if `flip` is all ones; bit 0 of a
+/// word is the leftmost. `below` holds the ways of the row below, of which word -1 and the one
+/// behind the last are read as well. Rows of both are `stride` words apart; they don't overlap.
+void ways_down(const std::uint64_t* here, std::uint64_t flip, int words, int rows, int reach,
+               const std::uint64_t* below, std::ptrdiff_t stride, std::uint64_t* ways);
 
 /// The same in plain C++.
-void ways_down_scalar(const std::uint64_t* here, std::uint64_t flip, const std::uint64_t* below,
-                      int words, std::uint64_t* ways);
+void ways_down_scalar(const std::uint64_t* here, std::uint64_t flip, int words, int rows, int reach,
+                      const std::uint64_t* below, std::ptrdiff_t stride, std::uint64_t* ways);
 
 }  // namespace harco::detect::kernels
