@@ -89,10 +89,16 @@ void unwarp(const Pyramid& image, const Lens& lens, const Registration& registra
     const auto black_rise = static_cast<float>(levels.black.y() / kAcross);
     const auto contrast_rise = static_cast<float>(levels.white.y() / kAcross) - black_rise;
     float* const texels = &unwarped.texels[texel_index(row, begin)];
+    const auto among = [&](std::size_t k, float margin) {
+      return among_pixels(view, places.x[k] - margin, places.y[k] - margin) &&
+             among_pixels(view, places.x[k] + margin, places.y[k] + margin);
+    };
+    // A straight row whose ends are in the image is wholly so, but for rounding.
+    constexpr float kRounding = 0.01F;
+    const bool whole = !lens.bends() && among(0, kRounding) && among(count - 1, kRounding);
     for (std::size_t k = 0; k < count; ++k)
-      texels[k] = among_pixels(view, places.x[k], places.y[k])
-                      ? sample_among(view, places.x[k], places.y[k])
-                      : std::numeric_limits<float>::quiet_NaN();
+      texels[k] = whole || among(k, 0.0F) ? sample_among(view, places.x[k], places.y[k])
+                                          : std::numeric_limits<float>::quiet_NaN();
     for (std::size_t k = 0; k < count; ++k) {
       const auto along = static_cast<float>(static_cast<int>(k));
       texels[k] = (texels[k] - (black + along * black_rise)) / (contrast + along * contrast_rise);

@@ -358,7 +358,7 @@ std::optional<Registration> fit_border(const ImageView& image, const Lens& lens,
   std::optional<LightLevels> levels;
   Normal8 normal;
   double variance = 0.0;
-  for (const double share : {1.0, 0.4, 0.15}) {
+  for (const double share : {1.0, 0.3}) {
     const double reach = std::max(1.0, share * first_reach);
     find_steps(image, lens, registration.image_H_unit, memory.sides, kMostAlongBorder, reach,
                kLeastBorderSeen, levels ? &*levels : nullptr, memory);

@@ -31,15 +31,16 @@ constexpr int kBehind = 3;
 
 }  // namespace
 
-double SegmentFinder::Chain::slope() const {
+// What is done for each step is inline: shared libraries wouldn't let compilers do it otherwise.
+inline double SegmentFinder::Chain::slope() const {
   return (count * sum_st - sum_s * sum_t) / (count * sum_ss - sum_s * sum_s);
 }
 
-double SegmentFinder::Chain::place_at(int s) const {
+inline double SegmentFinder::Chain::place_at(int s) const {
   return static_cast<double>(first.t) + sum_t / count + slope() * (s - first.s - sum_s / count);
 }
 
-void SegmentFinder::Chain::add(const Step& step) {
+inline void SegmentFinder::Chain::add(const Step& step) {
   if (count == 0) first = step;
   last = step;
   ++count;
@@ -61,7 +62,7 @@ void SegmentFinder::Scan::start(int places) {
 }
 
 /// How far a step lies beside where the edge of an earlier one goes on.
-float SegmentFinder::Scan::beside(const Step& before, const Step& step) const {
+inline float SegmentFinder::Scan::beside(const Step& before, const Step& step) const {
   constexpr int kEnough = 4;  // steps, for their places to tell more than their gradients
   const Chain* chain = before.chain < 0 ? nullptr : &chains[static_cast<std::size_t>(before.chain)];
   const float place =
@@ -72,7 +73,7 @@ float SegmentFinder::Scan::beside(const Step& before, const Step& step) const {
 }
 
 /// Adds the step to the edge that it continues, if there is one.
-void SegmentFinder::Scan::link(Step& step) {
+inline void SegmentFinder::Scan::link(Step& step) {
   const auto most = static_cast<float>(latest.size() - 3);
   const int slack = static_cast<int>(kLevelShare * std::abs(step.twice_behind - step.twice_before));
   Step* before = nullptr;
@@ -104,7 +105,7 @@ void SegmentFinder::Scan::link(Step& step) {
 }
 
 /// Measures the step behind pixel (x, y) and links it.
-void SegmentFinder::Scan::read(const ImageView& image, bool rows, int x, int y) {
+inline void SegmentFinder::Scan::read(const ImageView& image, bool rows, int x, int y) {
   const std::ptrdiff_t along = rows ? 1 : image.stride();
   const std::ptrdiff_t across = rows ? image.stride() : 1;
   const std::uint8_t* const pixel = image.row(y) + x;

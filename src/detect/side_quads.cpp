@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <numbers>
+#include <numeric>
 #include <utility>
 
 #include <Eigen/Geometry>
@@ -50,15 +51,16 @@ SideQuadFinder::Heading SideQuadFinder::heading_of(const Point& direction) {
   return static_cast<Heading>(std::lround(256.0 * turns) & 255);
 }
 
+/// (What is done for each pair is inline: shared libraries wouldn't let compilers do it otherwise.)
 /// Whether two directions may differ by less than kSameDirection, even if one of them changes by as
 /// much as that while segments are put together: told many times as fast as by themselves.
-bool SideQuadFinder::near(Heading a, Heading b) {
+inline bool SideQuadFinder::near(Heading a, Heading b) {
   constexpr int kMost = 12;
   return static_cast<Heading>(a - b + kMost) <= 2 * kMost;
 }
 
 /// Whether a segment lies along a line, whichever way.
-bool SideQuadFinder::along(const Line& line, const Part& part) {
+inline bool SideQuadFinder::along(const Line& line, const Part& part) {
   if (std::abs(cross(line.direction, part.direction)) > kSameDirection) return false;
   const double reach = std::min(std::abs(line.direction.dot(part.segment.a - line.point)),
                                 std::abs(line.direction.dot(part.segment.b - line.point)));
@@ -67,12 +69,12 @@ bool SideQuadFinder::along(const Line& line, const Part& part) {
          std::abs(cross(line.direction, part.segment.b - line.point)) < limit;
 }
 
-bool SideQuadFinder::joins(const Line& line, const Part& part) {
+inline bool SideQuadFinder::joins(const Line& line, const Part& part) {
   return line.direction.dot(part.direction) > 0.0 && same_light(line, part) && along(line, part);
 }
 
 /// With the dark on the other side: as on a chessboard, and never on what covers a side.
-bool SideQuadFinder::opposes(const Line& line, const Part& part) {
+inline bool SideQuadFinder::opposes(const Line& line, const Part& part) {
   return line.direction.dot(part.direction) < 0.0 && along(line, part);
 }
 
@@ -90,8 +92,12 @@ class SideQuadFinder::LineFit {
   void solve(Line& line) const {
     const Point mean = sum_ / weight_;
     const Eigen::Matrix2d spread = squares_ / weight_ - mean * mean.transpose();
-    const double angle = 0.5 * std::atan2(2.0 * spread(0, 1), spread(0, 0) - spread(1, 1));
-    Point way(std::cos(angle), std::sin(angle));
+    // Half the angle of (across, both), by the longer of two vectors in that direction.
+    const double across = spread(0, 0) - spread(1, 1);
+    const double both = 2.0 * spread(0, 1);
+    const double length = std::sqrt(across * across + both * both);
+    Point way = across > 0.0 ? Point(across + length, both) : Point(both, length - across);
+    way = length > 0.0 ? Point(way.normalized()) : line.direction;
     if (way.dot(line.direction) < 0.0) way = -way;
     line.point = mean;
     line.direction = way;
@@ -125,8 +131,9 @@ void SideQuadFinder::take_longest(const std::vector<Segment>& segments) {
   }
 }
 
-/// The line of a segment and of all later ones that lie along it.
-void SideQuadFinder::join_to(std::size_t seed) {
+/// The line of the longest segment that is left and of all others that lie along it.
+void SideQuadFinder::join_to_longest() {
+  const std::size_t seed = left_.front();
   const Part& first = parts_[seed];
   Line line;
   line.point = 0.5 * (first.segment.a + first.segment.b);
@@ -135,13 +142,16 @@ void SideQuadFinder::join_to(std::size_t seed) {
   line.bright = first.bright;
   line.pieces = {stretches_.size(), stretches_.size()};
   LineFit fit;
-  for (std::size_t i = seed; i < parts_.size(); ++i)
-    if (near(headings_[i], headings_[seed]) && taken_[i] == 0 && joins(line, parts_[i])) {
-      taken_[i] = 1;
+  std::size_t kept = 0;
+  for (const std::size_t i : left_)
+    if (i == seed || (near(headings_[i], headings_[seed]) && joins(line, parts_[i]))) {
       members_.push_back(i);
       fit.add(parts_[i]);
       fit.solve(line);
+    } else {
+      left_[kept++] = i;
     }
+  left_.resize(kept);
   for (const std::size_t member : members_) {
     const Segment& segment = parts_[member].segment;
     stretches_.push_back(
@@ -170,9 +180,9 @@ void SideQuadFinder::find_opposed(Line& line) {
 void SideQuadFinder::merge() {
   lines_.clear();
   stretches_.clear();
-  taken_.assign(parts_.size(), 0);
-  for (std::size_t seed = 0; seed < parts_.size(); ++seed)
-    if (taken_[seed] == 0) join_to(seed);
+  left_.resize(parts_.size());
+  std::iota(left_.begin(), left_.end(), std::size_t{0});
+  while (!left_.empty()) join_to_longest();
   std::sort(lines_.begin(), lines_.end(), [](const Line& a, const Line& b) {
     return std::pair(-a.length, a.pieces.begin) < std::pair(-b.length, b.pieces.begin);
   });
@@ -181,7 +191,7 @@ void SideQuadFinder::merge() {
 }
 
 /// How much of some stretches lies between two places.
-double SideQuadFinder::within(const Range& stretches, double from, double to) const {
+inline double SideQuadFinder::within(const Range& stretches, double from, double to) const {
   double sum = 0.0;
   for (std::size_t i = stretches.begin; i < stretches.end; ++i)
     sum += std::max(0.0, std::min(stretches_[i].to, to) - std::max(stretches_[i].from, from));

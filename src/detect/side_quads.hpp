@@ -77,7 +77,7 @@ class SideQuadFinder {
   static bool opposes(const Line& line, const Part& part);
   void take_longest(const std::vector<Segment>& segments);
   void merge();
-  void join_to(std::size_t seed);
+  void join_to_longest();
   void find_opposed(Line& line);
   double within(const Range& stretches, double from, double to) const;
   bool ends_by(const Line& line, double at) const;
@@ -93,9 +93,9 @@ class SideQuadFinder {
   double least_side_px_ = 0.0;
   std::optional<Eigen::Matrix3d> calibration_;
   std::vector<std::pair<double, std::size_t>> by_length_;
-  std::vector<Part> parts_;        // the longest one first
-  std::vector<Heading> headings_;  // of them
-  std::vector<std::uint8_t> taken_;
+  std::vector<Part> parts_;           // the longest one first
+  std::vector<Heading> headings_;     // of them
+  std::vector<std::size_t> left_;     // of them, in no line yet
   std::vector<std::size_t> members_;  // of one line
   std::vector<Stretch> stretches_;
   std::vector<Line> lines_;  // the longest one first
