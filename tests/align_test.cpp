@@ -13,6 +13,7 @@
 #include "lab/render.hpp"
 #include "pose/ink_outline.hpp"
 #include "pose/patch_painter.hpp"
+#include "pose/response.hpp"
 
 namespace harco {
 namespace {
@@ -294,6 +295,38 @@ TEST(PatchPainter, SmearsAlongAWay) {
   const Blur again = Blur::with_moments(across.moments());
   EXPECT_NEAR(again.variance, 0.3, 1e-9);
   EXPECT_NEAR(std::abs(again.smear.x()), 6.0, 1e-9);
+}
+
+// --- the camera's response
+// ------------------------------------------------------------------------
+
+TEST(Response, ByHand) {
+  Response response;
+  response.set(0.0, 0.1);  // gamma 1: nothing bends
+  for (const float share : {0.0F, 0.3F, 1.0F}) EXPECT_NEAR(response.seen(share), share, 1e-5F);
+  // Grey goes with the root of light; black is a fifth of white: 0.04 of its light. Half of both
+  // is 0.52, of which the root is 0.7211.
+  response.set(std::log(2.0), 0.2);
+  EXPECT_NEAR(response.seen(0.5F), (0.7211 - 0.2) / 0.8, 1e-3);
+  EXPECT_EQ(response.seen(-0.5F), response.seen(0.0F));
+  EXPECT_EQ(response.seen(1.5F), response.seen(1.0F));
+}
+
+TEST(Response, DerivativesAgreeWithDifferences) {
+  Response response, more, less;
+  response.set(0.5, 0.2);
+  more.set(0.51, 0.2);
+  less.set(0.49, 0.2);
+  kernels::LightTerms terms{};
+  response.tell(terms);
+  for (int i = 1; i < terms.cells; ++i) {
+    const auto share = static_cast<float>(i) / static_cast<float>(terms.cells);
+    const float step = 0.5F / static_cast<float>(terms.cells);
+    EXPECT_EQ(terms.seen[i], response.seen(share));
+    EXPECT_NEAR(terms.slope[i],
+                (response.seen(share + step) - response.seen(share - step)) / (2.0F * step), 1e-3F);
+    EXPECT_NEAR(terms.by_log_gamma[i], (more.seen(share) - less.seen(share)) / 0.02F, 1e-3F);
+  }
 }
 
 // --- alignment ----------------------------------------------------------------------------------

@@ -15,6 +15,7 @@
 #include "pose/kernels/patch_loops.hpp"
 #include "pose/light_fit.hpp"
 #include "pose/refine.hpp"
+#include "pose/response.hpp"
 #include "pose/shade.hpp"
 
 namespace harco {
@@ -144,58 +145,6 @@ struct State {
   double peak = 0.0;       ///< of the blur, times the picture's biharmonic, pixels^4
   double log_gamma = 0.0;  ///< of the response: grey ~ light^(1/gamma)
   Light light;
-};
-
-/// What a camera whose grey values go with the power 1/gamma of the light makes of a mixture of
-/// black and white, as a share of the contrast.
-class Response {
- public:
-  /// `black` is the grey value of black as a share of white's.
-  void set(double log_gamma, double black) {
-    constexpr double kDifference = 1e-3;
-    Table less{}, more{};
-    tabulate(log_gamma, black, seen_);
-    tabulate(log_gamma - kDifference, black, less);
-    tabulate(log_gamma + kDifference, black, more);
-    for (std::size_t i = 0; i <= kCells; ++i) {
-      by_log_gamma_[i] = (more[i] - less[i]) / static_cast<float>(2.0 * kDifference);
-      const std::size_t before = i > 0 ? i - 1 : 0, after = i < kCells ? i + 1 : kCells;
-      slope_[i] = (seen_[after] - seen_[before]) * static_cast<float>(kCells) /
-                  static_cast<float>(after - before);
-    }
-  }
-
-  float seen(float white_share) const {
-    const float place = std::clamp(white_share, 0.0F, 1.0F) * static_cast<float>(kCells);
-    const auto cell = std::min(static_cast<std::size_t>(place), kCells - 1);
-    const float part = place - static_cast<float>(cell);
-    return seen_[cell] + part * (seen_[cell + 1] - seen_[cell]);
-  }
-
-  /// Tables over the share of white, in steps of 1 / kCells: what is seen, how that changes with
-  /// the share and with the response.
-  void tell(kernels::LightTerms& terms) const {
-    terms.seen = seen_.data();
-    terms.slope = slope_.data();
-    terms.by_log_gamma = by_log_gamma_.data();
-    terms.cells = static_cast<int>(kCells);
-  }
-
- private:
-  static constexpr std::size_t kCells = 128;
-  using Table = std::array<float, kCells + 1>;
-
-  static void tabulate(double log_gamma, double black, Table& table) {
-    const double gamma = std::exp(log_gamma);
-    const double dark = std::pow(black, gamma);
-    for (std::size_t i = 0; i <= kCells; ++i) {
-      const double light =
-          dark + (1.0 - dark) * static_cast<double>(i) / static_cast<double>(kCells);
-      table[i] = static_cast<float>((std::pow(light, 1.0 / gamma) - black) / (1.0 - black));
-    }
-  }
-
-  Table seen_{}, slope_{}, by_log_gamma_{};
 };
 
 constexpr float kBrightest = 255.0F;
@@ -717,7 +666,7 @@ class Aligner::Impl {
     count_ = 0;
     clipped_.clear();
     for (const std::size_t k : order_) sample(patches_[k]);
-    looks_ += count_;
+    looks_ += count_ * (3 + painter_.places()) / 4;
     return count_ >= kLeastSamples;
   }
 

@@ -50,6 +50,11 @@ void PatchPainter::set_blur(const Blur& blur) {
   const double sigma = kFields * std::sqrt(variance);
   const int taps = std::max(2, static_cast<int>(std::lround(kReach * sigma + 0.2)));
   smear_ = blur.smear;
+  // What is smeared is drawn at some places along its way.
+  const double length = smear_.norm();
+  places_ = length > 0.0
+                ? std::max<std::size_t>(2, static_cast<std::size_t>(std::ceil(kFields * length)))
+                : 1;
   margin_ = (taps + 1) / kFields +
             static_cast<int>(std::ceil(0.5 * smear_.norm() + 0.5 * (smear_.norm() > 0.0)));
   size_ = kFields * (kPatch + 2 * margin_);
@@ -221,20 +226,18 @@ void PatchPainter::finish(const std::function<bool(const Vector2d&)>& is_black,
              : kernels::Channels{});
   };
   const float ink = first_ink(is_black);
-  const double length = smear_.norm();
-  if (length <= 0.0) {
+  if (places_ == 1) {
     find_starts(ink, 0.0, 1.0F);
     draw(edges_, true, true);
     return;
   }
-  // What is smeared is drawn at some places along its way.
-  const int places = std::max(2, static_cast<int>(std::ceil(kFields * length)));
-  for (int k = 0; k < places; ++k) {
-    const Vector2d way = ((k + 0.5) / places - 0.5) * smear_;
-    const float weight = 1.0F / static_cast<float>(places);
+  const auto places = static_cast<double>(places_);
+  for (std::size_t k = 0; k < places_; ++k) {
+    const Vector2d way = ((static_cast<double>(k) + 0.5) / places - 0.5) * smear_;
+    const float weight = 1.0F / static_cast<float>(places_);
     find_starts(ink, kFields * way.y(), weight);
     move_edges(way, weight);
-    draw(moved_, k == 0, k + 1 == places);
+    draw(moved_, k == 0, k + 1 == places_);
   }
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <functional>
 #include <vector>
 
@@ -44,6 +45,9 @@ class PatchPainter {
   /// How far beyond its patch the painter must know the outlines, pixels.
   int margin() const { return margin_; }
 
+  /// How often it draws each patch: along the way that is smeared.
+  std::size_t places() const { return places_; }
+
   /// Begins the patch whose first pixel is (x, y).
   void begin(int x, int y);
 
@@ -75,6 +79,7 @@ class PatchPainter {
   int margin_ = 0;  ///< pixels
   int size_ = 0;    ///< of all with the margin, half pixels
   int far_ = 0;     ///< how far from the first pixel an edge can be, pixels
+  std::size_t places_ = 1;
   Eigen::Vector2d smear_ = Eigen::Vector2d::Zero();
   std::vector<float> steps_;                 ///< table of kernels::Steps
   std::vector<float> value_, slope_, bend_;  ///< of the blur at 1/2, 3/2 ... half pixels
