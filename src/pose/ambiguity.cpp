@@ -66,12 +66,13 @@ std::vector<Piece> pieces_of(const InkOutline& outline, const Camera& camera,
     const int parts =
         camera.has_distortion() ? static_cast<int>((*to - *from).norm() / kStraightPx) + 1 : 1;
     Vector2d last = *from;
-    for (int i = 1; i <= parts; ++i) {
+    for (int i = 1; i < parts; ++i) {
       const auto next = seen(edge.from + (edge.to - edge.from) * (double(i) / parts));
       if (!next) return {};
       pieces.push_back({last, *next});
       last = *next;
     }
+    pieces.push_back({last, *to});
   }
   return pieces;
 }
@@ -174,7 +175,10 @@ std::vector<Pixel> pixels_of(const ImageView& image, const Rect& square, double 
 class Levels {
  public:
   Levels(const std::vector<Pixel>& pixels, const std::vector<double>& white)
-      : pixels_(pixels), white_(white), residuals_(pixels.size(), 0.0) {
+      : pixels_(pixels),
+        white_(white),
+        residuals_(pixels.size(), 0.0),
+        stride_(pixels.size() / kSome + 1) {
     for (const Pixel& pixel : pixels)
       gains_.resize(std::max(gains_.size(), pixel.nodes[3] + 1), 1.0);
   }
@@ -185,13 +189,17 @@ class Levels {
     for (int round = 0; round < kRounds; ++round) {
       fit_planes();
       if (round > 0) fit_gains();
-      limit_ = 1.5 * robust_scale(residuals_);
+      std::vector<double> some;
+      for (std::size_t i = 0; i < pixels_.size(); i += stride_) some.push_back(residuals_[i]);
+      limit_ = 1.5 * robust_scale(some);
     }
+    update(1);
     return residuals_;
   }
 
  private:
   static constexpr double kBrightest = 255.0, kBurnt = 250.0;
+  static constexpr std::size_t kSome = 3000;  // pixels that the levels are fitted to
 
   double weight(std::size_t i) const {
     // What is burnt tells no level.
@@ -214,23 +222,24 @@ class Levels {
   void fit_planes() {
     Matrix6d normal = 1e-6 * Matrix6d::Identity();
     Vector6d right = Vector6d::Zero();
-    for (std::size_t i = 0; i < pixels_.size(); ++i) {
+    for (std::size_t i = 0; i < pixels_.size(); i += stride_) {
       const Vector6d at = gain(pixels_[i]) * row(pixels_[i]);
-      normal += weight(i) * at * at.transpose();
-      right += weight(i) * pixels_[i].grey * at;
+      const Vector6d weighted = weight(i) * at;
+      normal += weighted * at.transpose();
+      right += pixels_[i].grey * weighted;
     }
     planes_ = normal.ldlt().solve(right);
-    update();
+    update(stride_);
   }
 
   /// As far as they differ by more than noise makes them.
   void fit_gains() {
     constexpr double kLeastSpread = 0.003;
     std::vector<double> seen(gains_.size(), 0.0), expected(gains_.size(), 0.0), apart;
-    for (std::size_t i = 0; i < pixels_.size(); ++i) {
-      const double model = row(pixels_[i]).dot(planes_);
+    for (std::size_t i = 0; i < pixels_.size(); i += stride_) {
+      const double model = row(pixels_[i]).dot(planes_), weighted = weight(i) * model;
       for (std::size_t n = 0; n < 4; ++n) {
-        const double share = pixels_[i].shares[n] * weight(i) * model;
+        const double share = pixels_[i].shares[n] * weighted;
         seen[pixels_[i].nodes[n]] += share * pixels_[i].grey;
         expected[pixels_[i].nodes[n]] += share * model;
       }
@@ -245,11 +254,11 @@ class Levels {
       const double known = noise * noise / (spread * spread);
       gains_[b] = (seen[b] + known) / (expected[b] + known);
     }
-    update();
+    update(stride_);
   }
 
-  void update() {
-    for (std::size_t i = 0; i < pixels_.size(); ++i)
+  void update(std::size_t stride) {
+    for (std::size_t i = 0; i < pixels_.size(); i += stride)
       residuals_[i] =
           pixels_[i].grey - std::min(kBrightest, gain(pixels_[i]) * row(pixels_[i]).dot(planes_));
   }
@@ -257,6 +266,7 @@ class Levels {
   const std::vector<Pixel>& pixels_;
   const std::vector<double>& white_;
   std::vector<double> residuals_, gains_;
+  std::size_t stride_;
   Vector6d planes_ = Vector6d::Zero();
   double limit_ = std::numeric_limits<double>::infinity();
 };

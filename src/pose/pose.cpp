@@ -37,7 +37,9 @@ constexpr double kExcludedLogRatio = 12.0;
 
 // An alignment that explains so much of the pixels leaves nothing to look for; one that explains
 // less than this is no evidence where corners don't lead to it; noise alone leaves 0.91.
-constexpr double kConvincingShare = 0.885, kLeastShare = 0.65;
+constexpr double kConvincingShare = 0.86, kLeastShare = 0.65;
+// ... where light of one's own choice may have explained what a wrong pose can't.
+constexpr double kConvincingInAnyLight = 0.885;
 // ... and nor does one that takes all for noise, grey levels.
 constexpr double kMostNoise = 9.0;
 // A marker of such a side has corners that tell its tilt.
@@ -128,8 +130,11 @@ struct Evidence {
   }
 
   bool convinces(const Solution& solution) const {
-    return solution.alignment && solution.alignment->share > kConvincingShare &&
-           solution.alignment->noise < kMostNoise;
+    if (!solution.alignment) return false;
+    const Alignment& found = *solution.alignment;
+    const bool even = found.light == LightModel::even && !found.shaded;
+    return found.share > (even ? kConvincingShare : kConvincingInAnyLight) &&
+           found.noise < kMostNoise;
   }
 
   /// Where alignment from the corners' solutions doesn't convince: others that agree with the
