@@ -122,11 +122,15 @@ Series run(const Setting& setting) {
     const double turn = 2.0 * std::numbers::pi;
     lab::Scene scene;
     scene.camera = setting.camera;
-    const Vector2d aim(0.4 + 0.2 * unit(random), 0.4 + 0.2 * unit(random));
+    // One draw a statement: compilers differ in the order of arguments.
+    const double roll = turn * unit(random);
+    const double around = turn * unit(random);
+    const double tilt = unit(random) * setting.most_tilt_deg * turn / 360.0;
+    const double down = 0.4 + 0.2 * unit(random);
+    const double right = 0.4 + 0.2 * unit(random);
     const Isometry3d truth =
-        lab::look_at_marker(kSide * aim, setting.camera.fx * kSide / setting.side_px,
-                            unit(random) * setting.most_tilt_deg * turn / 360.0,
-                            turn * unit(random), turn * unit(random));
+        lab::look_at_marker(kSide * Vector2d(right, down),
+                            setting.camera.fx * kSide / setting.side_px, tilt, around, roll);
     scene.parents = {{0, truth}};
     setting.change_scene(scene);
     Image image = setting.change_exact ? changed(scene, setting, random())
