@@ -221,10 +221,11 @@ void ConvexRegions::find_tall() {
 /// From those of the row below.
 void ConvexRegions::find_ways_down() {
   ways_.swap(ways_below_);
-  constexpr int kReach = 2;  // pixels beside, for each one down
+  // Pixels beside, for a row down: what a square seen at 60 degrees takes; of every second row,
+  // where regions are larger and lead down by other ways as well, at 48.
+  const int reach = step_ == 1 ? 2 : 3;
   kernels::ways_down(row_of(*map_, row_), dark_ ? 0 : ~std::uint64_t{0}, map_->words_in_row(),
-                     ways_rows_, kReach * step_, ways_below_.data() + 1, ways_stride_,
-                     ways_.data() + 1);
+                     ways_rows_, reach, ways_below_.data() + 1, ways_stride_, ways_.data() + 1);
 }
 
 /// Appends where regions begin in this row that go on down for a while: stretches of dark below
@@ -363,7 +364,7 @@ bool ConvexRegions::outlines_quad(std::int64_t area, const RegionTop& top) const
     std::int64_t most = -1;
     for (int row = 0; row < rows; ++row) {
       const Ends& ends = ends_[static_cast<std::size_t>(row)];
-      const bool to_left = from_x - ends.left > ends.right + 1 - from_x;
+      const bool to_left = from_x - ends.left >= ends.right + 1 - from_x;
       const int x = to_left ? ends.left : ends.right + 1;
       const int y = row * step_ + (row * step_ < from_y ? 0 : 1);
       const std::int64_t dx = x - from_x;

@@ -59,14 +59,10 @@ void nearby_simd(const TileBands& bands, int tiles, std::uint8_t* HWY_RESTRICT l
 using Words = hn::ScalableTag<std::uint32_t>;  // one tile's columns each
 constexpr Words kWords;
 
-/// Lanes of contrast, and of what `level` sixteenths of it come to.
-struct Contrast {
-  hn::Vec<Words> whole, share;
-};
-HWY_INLINE Contrast contrast_of(hn::Vec<Words> low, hn::Vec<Words> high, int level) {
-  const auto whole = hn::Sub(high, low);
-  const auto sixteenths = hn::Mul(whole, hn::Set(kWords, static_cast<std::uint32_t>(level)));
-  return {whole, hn::ShiftRight<4>(hn::Add(sixteenths, hn::Set(kWords, 15)))};
+/// `level` sixteenths, rounded up.
+HWY_INLINE hn::Vec<Words> share_of(hn::Vec<Words> contrast, int level) {
+  const auto sixteenths = hn::Mul(contrast, hn::Set(kWords, static_cast<std::uint32_t>(level)));
+  return hn::ShiftRight<4>(hn::Add(sixteenths, hn::Set(kWords, 15)));
 }
 
 HWY_INLINE hn::Vec<Words> load_tiles(const std::uint8_t* tiles) {
@@ -94,10 +90,10 @@ void thresholds_simd(const std::uint8_t* HWY_RESTRICT low, const std::uint8_t* H
   for (int tile = 0; tile < tiles; tile += lanes) {
     const int at = std::min(tile, tiles - lanes);
     const auto least = load_tiles(low + at);
-    const Contrast contrast = contrast_of(least, load_tiles(high + at), level);
-    store_columns(
-        hn::IfThenZeroElse(hn::Lt(contrast.whole, least_contrast), hn::Add(least, contrast.share)),
-        thresholds + at * kTile);
+    const auto contrast = hn::Sub(load_tiles(high + at), least);
+    store_columns(hn::IfThenZeroElse(hn::Lt(contrast, least_contrast),
+                                     hn::Add(least, share_of(contrast, level))),
+                  thresholds + at * kTile);
   }
 }
 
@@ -111,8 +107,8 @@ void shares_simd(const std::uint8_t* HWY_RESTRICT low, const std::uint8_t* HWY_R
   const auto one = hn::Set(kWords, 1);
   for (int tile = 0; tile < tiles; tile += lanes) {
     const int at = std::min(tile, tiles - lanes);
-    const Contrast contrast = contrast_of(load_tiles(low + at), load_tiles(high + at), level);
-    store_columns(hn::Max(contrast.share, one), shares + at * kTile);
+    const auto contrast = hn::Sub(load_tiles(high + at), load_tiles(low + at));
+    store_columns(hn::Max(share_of(contrast, level), one), shares + at * kTile);
   }
 }
 

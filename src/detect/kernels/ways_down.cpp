@@ -66,7 +66,7 @@ void ways_down_simd(const std::uint64_t* here, std::uint64_t flip, int words, in
   else if (reach == 2)
     ways_within<2>(here, flip, words, rows, below, stride, ways);
   else
-    ways_within<4>(here, flip, words, rows, below, stride, ways);
+    ways_within<3>(here, flip, words, rows, below, stride, ways);
 }
 
 #endif
