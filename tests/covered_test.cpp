@@ -312,9 +312,25 @@ struct Blurred {
 };
 Blurred blurred_picture(const MarkerSet& set) {
   Blurred blurred;
-  detect::blur_picture(detect::picture_of(InkMap(set, 0)), 0.6,
+  detect::blur_picture(detect::picture_of(ink_plan(set, 0)), 0.6,
                        set.parents[0].marker.code.cells + 2, blurred.texels, blurred.picture);
   return blurred;
+}
+
+TEST(Likeness, PicturesAreAsWhiteAsTheirInk) {
+  for (const int count : {1, 3}) {
+    const MarkerSet set = layers(count);
+    const InkMap ink(set, 0);
+    const detect::Texels picture = detect::picture_of(ink.plan());
+    const double texel = ink.plan().square.width() / detect::kTexelsAcross;
+    for (int row = 0; row < detect::kTexelsAcross; ++row)
+      for (int column = 0; column < detect::kTexelsAcross; ++column)
+        ASSERT_NEAR(
+            picture[detect::texel_index(row, column)],
+            ink.white_share({column * texel, row * texel, (column + 1) * texel, (row + 1) * texel}),
+            1e-5)
+            << count << " layers, row " << row << ", column " << column;
+  }
 }
 
 TEST(Likeness, IsThatOfWhatIsSeen) {
@@ -399,7 +415,7 @@ TEST(Likeness, UnwarpsTheImageAsTheRegistrationSays) {
   detect::cut(unwarped.texels, 7, seen);
   detect::Texels texels;
   detect::BlurredPicture picture;
-  detect::blur_picture(detect::picture_of(InkMap(set, 0)), unwarped.blur, 7, texels, picture);
+  detect::blur_picture(detect::picture_of(ink_plan(set, 0)), unwarped.blur, 7, texels, picture);
   const detect::Likeness likeness = detect::likeness(seen, picture);
   EXPECT_GT(likeness.patterned + likeness.even, 0.97 * 23 * 23);
 }

@@ -106,15 +106,29 @@ void unwarp(const Pyramid& image, const Lens& lens, const Registration& registra
   }
 }
 
-Texels picture_of(const InkMap& ink) {
-  Texels picture;
-  picture.reserve(texel_index(kAcross, 0));
-  const Rect& square = ink.plan().square;
-  const double texel = square.width() / kAcross;
-  for (int row = 0; row < kAcross; ++row)
-    for (int column = 0; column < kAcross; ++column)
-      picture.push_back(static_cast<float>(
-          ink.white_share({column * texel, row * texel, (column + 1) * texel, (row + 1) * texel})));
+Texels picture_of(const InkPlan& plan) {
+  Texels picture(texel_index(kAcross, 0), 0.0F);
+  const double texel = plan.square.width() / kAcross;
+  // What a stretch covers of the texels from one to another.
+  const auto part = [](double from, double to, int at) {
+    return std::min(to, at + 1.0) - std::max(from, static_cast<double>(at));
+  };
+  const auto first = [](double from) { return std::max(0, static_cast<int>(from)); };
+  const auto last = [](double to) { return std::min(kAcross, static_cast<int>(std::ceil(to))); };
+  const auto paint = [&](const Rect& rect, double white) {
+    const double left = (rect.x0 - plan.square.x0) / texel;
+    const double top = (rect.y0 - plan.square.y0) / texel;
+    const double right = (rect.x1 - plan.square.x0) / texel;
+    const double bottom = (rect.y1 - plan.square.y0) / texel;
+    for (int row = first(top); row < last(bottom); ++row) {
+      const double share = white * part(top, bottom, row);
+      for (int column = first(left); column < last(right); ++column)
+        picture[texel_index(row, column)] += static_cast<float>(share * part(left, right, column));
+    }
+  };
+  for (const Rect& rect : plan.white) paint(rect, 1.0);
+  for (const Rect& rect : plan.black) paint(rect, -1.0);
+  for (float& grey : picture) grey = std::clamp(grey, 0.0F, 1.0F);
   return picture;
 }
 

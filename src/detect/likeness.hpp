@@ -35,7 +35,7 @@ void unwarp(const Pyramid& image, const Lens& lens, const Registration& registra
             Unwarped& unwarped);
 
 /// A layer-1 marker's picture as it is printed.
-Texels picture_of(const InkMap& ink);
+Texels picture_of(const InkPlan& plan);
 
 /// Gaussian blur, the border's values going on beyond it.
 void smooth(const Texels& texels, double sigma, Texels& smoothed);

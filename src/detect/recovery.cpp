@@ -141,7 +141,8 @@ Recovery::Recovery(const MarkerSet& markers, const std::vector<PlacedMarker>& pl
     : markers_(markers),
       placed_(placed),
       predicted_(predicted),
-      descriptions_(markers.parents.size()) {
+      descriptions_(markers.parents.size()),
+      pictures_(markers.parents.size()) {
   placed_of_.resize(markers.parents.size());
   for (std::size_t i = 0; i < placed.size(); ++i)
     if (placed[i].layer == 1)
@@ -168,7 +169,6 @@ const Recovery::Description& Recovery::describe(std::size_t parent) {
     const auto index = static_cast<int>(parent);
     const InkMap ink(markers_, index);
     description.edges = edge_template(ink, markers_, index);
-    description.picture = detect::picture_of(ink);
     for (const PlacedMarker& marker : placed_)
       if (marker.parent_index == index && marker.layer == 2) {
         const double texel = markers_.parents[parent].side_m / kTexelsAcross;
@@ -179,6 +179,12 @@ const Recovery::Description& Recovery::describe(std::size_t parent) {
                                       markers_.parents[parent].marker.code.cells + 2);
   }
   return description;
+}
+
+const Texels& Recovery::printed(std::size_t parent) {
+  Texels& picture = pictures_[parent];
+  if (picture.empty()) picture = detect::picture_of(ink_plan(markers_, static_cast<int>(parent)));
+  return picture;
 }
 
 const BlurredPicture& Recovery::picture_of(std::size_t parent, int cells, double blur) {
@@ -193,8 +199,7 @@ const BlurredPicture& Recovery::picture_of(std::size_t parent, int cells, double
   next_kept_ = (next_kept_ + 1) % kMostKept;
   kept.parent = parent;
   kept.step = step;
-  blur_picture(describe(parent).picture, std::pow(kBlurStep, step), cells + 2, smooth_,
-               kept.picture);
+  blur_picture(printed(parent), std::pow(kBlurStep, step), cells + 2, smooth_, kept.picture);
   return kept.picture;
 }
 
@@ -311,7 +316,7 @@ std::optional<Recovered> Recovery::best_reading(const Pyramid& image, const Lens
     const int m = glimpse.cells + 2;
     unwarp(image, lens, recovered.registration, m, unwarped_);
     cut(unwarped_.texels, m, turned_[0]);
-    blur_picture(description.picture, unwarped_.blur, m, smooth_, blurred_);
+    blur_picture(printed(reading.parent), unwarped_.blur, m, smooth_, blurred_);
     recovered.likeness = likeness(turned_[0], blurred_);
     recovered.votes = cell_votes(unwarped_.texels, smooth_, description.children);
     count_cells(reading, glimpse.cells, recovered);

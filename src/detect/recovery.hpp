@@ -67,11 +67,11 @@ class Recovery {
                               double rival);
 
  private:
-  /// What is known of a parent beforehand, made when first needed.
+  /// What is known of a parent beforehand, made when first needed: for a glimpse its picture is
+  /// enough.
   struct Description {
     std::vector<TemplateEdge> edges;
-    std::vector<TemplateEdge> blank;  ///< where it has none, but others may
-    Texels picture;
+    std::vector<TemplateEdge> blank;   ///< where it has none, but others may
     std::vector<CellSquare> children;  ///< of layer 2
   };
   /// The cells of all readings of one size.
@@ -87,6 +87,7 @@ class Recovery {
     BlurredPicture picture;
   };
   const Description& describe(std::size_t parent);
+  const Texels& printed(std::size_t parent);
   const BlurredPicture& picture_of(std::size_t parent, int cells, double blur);
   void read_cells(const ImageView& image, const Lens& lens, const Registration& registration,
                   int cells);
@@ -104,6 +105,7 @@ class Recovery {
   std::vector<int> placed_of_;  // of each parent
   std::vector<Table> tables_;
   std::vector<Description> descriptions_;
+  std::vector<Texels> pictures_;
   std::vector<Kept> kept_;
   std::size_t next_kept_ = 0;  // of them, the one to be given up next
   std::vector<float> cells_;   // how white those of the square look
