@@ -145,6 +145,9 @@ std::vector<RegionTop> regions_of(const Image& image, std::size_t level,
   return tops;
 }
 
+/// The shade's own outline, where it begins, is a pixel wide.
+const RegionLimits kNoLines{5, 20, 0.0};
+
 void fill(Image& image, int left, int top, int right, int bottom, std::uint8_t grey) {
   for (int y = top; y < bottom; ++y)
     for (int x = left; x < right; ++x) image.row(y)[x] = grey;
@@ -213,13 +216,13 @@ TEST(ConvexRegions, AtTheLowLevelAreThoseBesideAThirdGrey) {
   Image image(60, 60, 240);
   fill(image, 15, 15, 45, 45, 90);
   fill(image, 20, 20, 40, 40, 10);
-  ASSERT_EQ(regions_of(image, Threshold::kLowLevel).size(), 1U);
-  EXPECT_EQ(regions_of(image, Threshold::kLowLevel)[0].columns, 20);
+  ASSERT_EQ(regions_of(image, Threshold::kLowLevel, kNoLines).size(), 1U);
+  EXPECT_EQ(regions_of(image, Threshold::kLowLevel, kNoLines)[0].columns, 20);
   // Without it the middle level finds the same.
   fill(image, 0, 0, 60, 60, 90);
   fill(image, 20, 20, 40, 40, 10);
   EXPECT_EQ(regions_of(image, kDark).size(), 1U);
-  EXPECT_TRUE(regions_of(image, Threshold::kLowLevel).empty());
+  EXPECT_TRUE(regions_of(image, Threshold::kLowLevel, kNoLines).empty());
 }
 
 TEST(ConvexRegions, OfEverySecondRowBeginAtTheirFirstPixel) {
@@ -229,13 +232,25 @@ TEST(ConvexRegions, OfEverySecondRowBeginAtTheirFirstPixel) {
     fill(image, 15, 15, 45, 45, 90);
     fill(image, 20, top, 40, 40, 10);
     fill(image, 24, top - 1, 34, top, 10);
-    const std::vector<RegionTop> regions = regions_of(image, Threshold::kLowLevel);
+    const std::vector<RegionTop> regions = regions_of(image, Threshold::kLowLevel, kNoLines);
     ASSERT_EQ(regions.size(), 1U);
     EXPECT_EQ(regions[0].x, 24);
     EXPECT_EQ(regions[0].y, top - 1);
     EXPECT_EQ(regions[0].columns, 20);
     EXPECT_NEAR(regions[0].rows, 41 - top, 1);
   }
+}
+
+TEST(ConvexRegions, OfEverySecondRowEndAtAGapOfOneRow) {
+  // What lies below the gap, at the same even rows, isn't part of it.
+  Image image(80, 70, 240);
+  fill(image, 25, 15, 55, 55, 90);
+  fill(image, 30, 20, 50, 39, 10);
+  fill(image, 27, 40, 53, 50, 10);
+  const std::vector<RegionTop> regions = regions_of(image, Threshold::kLowLevel, kNoLines);
+  ASSERT_EQ(regions.size(), 1U);
+  EXPECT_EQ(regions[0].columns, 20);
+  EXPECT_NEAR(regions[0].rows, 19, 1);
 }
 
 TEST(ConvexRegions, BeginBelowASteepEdge) {

@@ -129,6 +129,11 @@ void ConvexRegions::start(const Threshold& threshold, std::size_t level,
   limits_ = limits;
   find_tall();
   whole_tall_ = &tall_;
+  walked_ = map_;
+  if (step_ > 1) {
+    join_rows();
+    walked_ = &joined_;
+  }
   // More pixels than this tell hardly more.
   constexpr int kMostDown = 12;
   ways_rows_ = std::clamp(limits.least_extent - 2, 0, kMostDown) / step_ + 1;
@@ -144,6 +149,7 @@ void ConvexRegions::start(const ConvexRegions& whole, int first_row, int end_row
   known_ = whole.known_;
   limits_ = whole.limits_;
   whole_tall_ = &whole.tall_;
+  walked_ = whole.walked_;
   ways_rows_ = whole.ways_rows_;
   const auto row = [&](int y) { return std::min((y + step_ - 1) / step_, rows()); };
   start_rows(row(first_row), row(end_row));
@@ -196,7 +202,7 @@ bool ConvexRegions::find_survivors() {
   };
   survives_.resize(starts_.size());
   kernels::walk_regions(
-      {bytes(*map_), bytes(*whole_tall_), step_ * map_->bits_in_row() / 8, map_->width(), rows(),
+      {bytes(*walked_), bytes(*whole_tall_), step_ * map_->bits_in_row() / 8, map_->width(), rows(),
        step_, dark_, limits_.least_extent, limits_.least_length,
        static_cast<int>(std::ceil(limits_.least_area / step_))},
       starts_.data(), starts_.size(), survives_.data());
@@ -215,6 +221,19 @@ void ConvexRegions::find_tall() {
                          words, tall);
     else
       std::fill_n(tall, words, 0);
+  }
+}
+
+/// Of every second row, the dark pixels that hang together with dark ones of the row above: what
+/// lies behind a bright gap of one row doesn't belong to what is walked down.
+void ConvexRegions::join_rows() {
+  joined_.resize(map_->width(), map_->height());
+  const std::ptrdiff_t stride = joined_.bits_in_row() / 64;
+  for (int row = 0; row < rows(); ++row) {
+    const int y = row * step_;
+    // Ways that lead upwards here; those through one row only go to a row that isn't looked at.
+    kernels::ways_down(map_->row(y), 0, map_->words_in_row(), 2, 1, map_->row(y - 1), stride,
+                       joined_.row(y - 1));
   }
 }
 
@@ -279,7 +298,7 @@ bool ConvexRegions::may_be_convex(const kernels::RegionStart& start, RegionTop& 
   const auto bytes = [&](const DarkMap& map) {
     return reinterpret_cast<const std::uint8_t*>(row_of(map, start.y));
   };
-  const std::uint8_t* row = bytes(*map_);
+  const std::uint8_t* row = bytes(*walked_);
   const std::uint8_t* tall = bytes(*whole_tall_);
   const std::ptrdiff_t stride = step_ * map_->bits_in_row() / 8;
   const int width = map_->width();

@@ -62,6 +62,7 @@ class ConvexRegions {
   const std::uint64_t* row_of(const DarkMap& map, int row) const { return map.row(row * step_); }
   void start_rows(int first_row, int end_row);
   void find_tall();
+  void join_rows();
   void find_ways_down();
   void find_tops();
   void add_top(int left, int right);
@@ -77,6 +78,8 @@ class ConvexRegions {
 
   const Threshold* threshold_ = nullptr;
   const DarkMap* map_ = nullptr;
+  const DarkMap* walked_ = nullptr;  // that one, or the rows of the whole that were joined:
+  DarkMap joined_;
   const DarkMap* steep_ = nullptr;  // where the edge above a region may lie
   RegionLimits limits_;
   bool dark_ = true;

@@ -61,7 +61,7 @@ class Threshold {
     int least_contrast;  ///< grey levels; noise may ask for more
     bool dark;           ///< whether it is dark regions that are looked for, or bright ones
     int steep;           ///< sixteenths of the contrast, for upper_edges
-    int row_step;        ///< regions are looked for in every row, or every second one
+    int row_step;        ///< dark regions are looked for in every row (1), or every second one (2)
   };
   /// The middle finds wide structure without bias. The higher one holds thin dark lines of small
   /// children together. The lower one finds markers in shade beside sunlit ground, where there is

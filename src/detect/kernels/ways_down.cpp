@@ -63,6 +63,8 @@ void ways_down_simd(const std::uint64_t* here, std::uint64_t flip, int words, in
                     const std::uint64_t* below, std::ptrdiff_t stride, std::uint64_t* ways) {
   if (words < static_cast<int>(hn::Lanes(kWords)))
     ways_down_scalar(here, flip, words, rows, reach, below, stride, ways);
+  else if (reach == 1)
+    ways_within<1>(here, flip, words, rows, below, stride, ways);
   else if (reach == 2)
     ways_within<2>(here, flip, words, rows, below, stride, ways);
   else

@@ -8,7 +8,7 @@ namespace harco::detect::kernels {
 
 /// The pixels of a row, one bit each, from which a way leads down through 1, 2 ... `rows` rows, its
 /// own among them: row k of `ways` tells of k + 1. A way goes from a pixel to the one under it or
-/// up to `reach` (2 or 3) beside that. `here` counts inverted if `flip` is all ones; bit 0 of a
+/// up to `reach` (1, 2 or 3) beside that. `here` counts inverted if `flip` is all ones; bit 0 of a
 /// word is the leftmost. `below` holds the ways of the row below, of which word -1 and the one
 /// behind the last are read as well. Rows of both are `stride` words apart; they don't overlap.
 void ways_down(const std::uint64_t* here, std::uint64_t flip, int words, int rows, int reach,
