@@ -126,8 +126,8 @@ double share_of_blur(double cell_px, double blur_px) {
   return std::min(kMost, 0.5 * (1.0 - std::erf(cell_px / (2.0 * std::sqrt(2.0) * blur_px))));
 }
 
-/// Cell (row, column) of a marker as seen, turned clockwise `turns` times, is this cell of the
-/// upright one, row-first.
+}  // namespace
+
 std::size_t upright_cell(int row, int column, int turns, int m) {
   for (int k = 0; k < turns; ++k) {
     const int upright_row = m - 1 - column;
@@ -136,8 +136,6 @@ std::size_t upright_cell(int row, int column, int turns, int m) {
   }
   return static_cast<std::size_t>(row * m + column);
 }
-
-}  // namespace
 
 bool has_bright_cells(const ImageView& image, const Quad& corners, int n) {
   constexpr int kLeastShare = 15;  // per cent of what paper is brighter than the ring

@@ -39,6 +39,10 @@ struct CellGrid {
 /// shade.
 bool has_bright_cells(const ImageView& image, const Quad& corners, int n);
 
+/// Cell (row, column) of a marker of m x m cells as seen, turned clockwise `turns` times, is this
+/// cell of the upright one, row-first.
+std::size_t upright_cell(int row, int column, int turns, int m);
+
 /// Reads the cells of a parent (black ring, white paper around it) or a child (white ring).
 /// `image_H_cells` maps cell coordinates, (0, 0) … (n+2, n+2), to ideal pixels; `cell_px` is the
 /// least side of a cell in pixels, `blur_px` the standard deviation of the blur that is taken off

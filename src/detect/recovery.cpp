@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include "detect/cells.hpp"
 #include "detect/sample.hpp"
 #include "harco/geometry.hpp"
 
@@ -61,7 +62,7 @@ constexpr int kLeastPatternedAtOnce = 8;
 constexpr double kLeastOfBest = 0.5;
 // A cell shows its colour if it is off by less than this share of the contrast.
 constexpr float kShows = 0.3F;
-// Pictures are blurred in steps of a fifth, and so many are kept.
+// Pictures are blurred in steps of not quite a third, and so many are kept.
 constexpr double kBlurStep = 1.3;
 constexpr std::size_t kMostKept = 128;
 
@@ -110,16 +111,6 @@ std::vector<TemplateEdge> blank_borders(const std::vector<double>& whiteness, in
       if (column < m - 1 && black(row - 1, column)) add(corner, corner + x, y);
     }
   return borders;
-}
-
-/// Cell (row, column) of m x m as seen is this cell of the upright marker.
-std::size_t upright_cell(int row, int column, int turns, int m) {
-  for (int k = 0; k < turns; ++k) {
-    const int upright_row = m - 1 - column;
-    column = row;
-    row = upright_row;
-  }
-  return static_cast<std::size_t>(row * m + column);
 }
 
 /// The best ones to the front, the others away.
@@ -303,12 +294,11 @@ std::optional<Recovered> Recovery::best_reading(const Pyramid& image, const Lens
   read_cells(whole, lens, glimpse.border, glimpse.cells);
   for (std::size_t i = 0; i < glimpse.count; ++i) {
     const Reading& reading = glimpse.readings[i];
-    const Description& description = describe(reading.parent);
     Recovered recovered;
     recovered.placed = placed_of_[reading.parent];
     recovered.registration = turned(glimpse.border, reading.turns);
     if (reading.likeness.sum() < kLeastOfBest * glimpse.sum() ||
-        !refine(whole, lens, description.edges, recovered.registration, memory_) ||
+        !refine(whole, lens, describe(reading.parent).edges, recovered.registration, memory_) ||
         !well_known(recovered.registration)) {
       next = std::max(next, reading.likeness.sum());
       continue;
@@ -318,7 +308,7 @@ std::optional<Recovered> Recovery::best_reading(const Pyramid& image, const Lens
     cut(unwarped_.texels, m, turned_[0]);
     blur_picture(printed(reading.parent), unwarped_.blur, m, smooth_, blurred_);
     recovered.likeness = likeness(turned_[0], blurred_);
-    recovered.votes = cell_votes(unwarped_.texels, smooth_, description.children);
+    recovered.votes = cell_votes(unwarped_.texels, smooth_, describe(reading.parent).children);
     count_cells(reading, glimpse.cells, recovered);
     const double sum = recovered.likeness.sum();
     if (!best || sum > best->likeness.sum()) {
