@@ -241,6 +241,17 @@ TEST(ConvexRegions, OfEverySecondRowBeginAtTheirFirstPixel) {
   }
 }
 
+TEST(ConvexRegions, OfEverySecondRowBeginNowhereBeyondACorner) {
+  Image image(60, 60, 240);
+  fill(image, 15, 15, 45, 45, 90);
+  fill(image, 20, 20, 40, 40, 10);
+  fill(image, 17, 17, 20, 20, 10);  // touches the upper left corner of that
+  const std::vector<RegionTop> regions = regions_of(image, Threshold::kLowLevel, kNoLines);
+  ASSERT_EQ(regions.size(), 1U);
+  EXPECT_EQ(regions[0].x, 20);
+  EXPECT_EQ(regions[0].y, 20);
+}
+
 TEST(ConvexRegions, OfEverySecondRowEndAtAGapOfOneRow) {
   // What lies below the gap, at the same even rows, isn't part of it.
   Image image(80, 70, 240);

@@ -342,18 +342,18 @@ bool ConvexRegions::may_be_convex(const kernels::RegionStart& start, RegionTop& 
   return true;
 }
 
-/// To the region's first pixel, if that is in one of the rows that aren't looked at.
+/// To the region's first pixel, if that is in the row above, which wasn't looked at.
 void ConvexRegions::raise(RegionTop& top, int right) const {
-  for (int up = 1; up < step_; ++up) {
-    const int y = top.y - 1;
-    int x = top.x - 1;
-    while (x <= right + 1 && map_->dark(x, y) != dark_) ++x;
-    if (x > right + 1) return;
-    while (x > 0 && map_->dark(x - 1, y) == dark_) --x;
-    top.x = x;
-    top.y = y;
-    ++top.rows;
-  }
+  if (step_ == 1) return;
+  const int y = top.y - 1;
+  // What touches only at a corner is for those to judge who follow the border.
+  int x = top.x;
+  while (x <= right && map_->dark(x, y) != dark_) ++x;
+  if (x > right) return;
+  while (x > 0 && map_->dark(x - 1, y) == dark_) --x;
+  top.x = x;
+  top.y = y;
+  ++top.rows;
 }
 
 /// Whether beside some part of the region's sides there is the third grey that made a lower level
