@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <functional>
 #include <memory>
 #include <string>
@@ -21,6 +20,7 @@
 
 #include "frames.hpp"
 #include "harco/harco.hpp"
+#include "lab/thread_time.hpp"
 
 namespace {
 
@@ -42,12 +42,6 @@ struct System {
 };
 
 constexpr int kOften = 5;
-
-double thread_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 void pin_to_this_core() {
   cpu_set_t cores;
@@ -156,7 +150,7 @@ System apriltag(float decimate) {
 }
 
 struct Tally {
-  std::vector<double> seconds;
+  std::vector<double> ms;
   int markers = 0;
   int found = 0;
   int wrong = 0;
@@ -236,10 +230,10 @@ std::vector<Tally> measure(const std::vector<System>& systems, const Kind& kind,
       for (int time = 0; time < kOften; ++time)
         for (std::size_t s = 0; s < systems.size(); ++s) {
           if (time >= systems[s].times) continue;
-          const double start = thread_seconds();
+          const double start = lab::thread_ms();
           systems[s].detect(frame.image);
-          const double spent = thread_seconds() - start;
-          if (repeat >= 0) tallies[s].seconds.push_back(spent);
+          const double spent = lab::thread_ms() - start;
+          if (repeat >= 0) tallies[s].ms.push_back(spent);
           if (repeat == 0 && time == 0) judge(frame, systems[s].readings(), tallies[s]);
         }
   }
@@ -251,19 +245,19 @@ void print(const Kind& kind, const std::vector<System>& systems, const std::vect
   std::printf("\n%d x %d, %s, %d markers\n%-24s %9s %9s %10s %8s %8s %6s\n", kind.size.width,
               kind.size.height, kind.name.c_str(), kind.markers, "", "median ms", "p99 ms",
               "x the pass", "x ours", "recall", "false");
-  const double pass = quantile(tallies[0].seconds, 0.5);
-  const double own = quantile(tallies[1].seconds, 0.5);
+  const double pass = quantile(tallies[0].ms, 0.5);
+  const double own = quantile(tallies[1].ms, 0.5);
   for (std::size_t s = 0; s < systems.size(); ++s) {
     const Tally& tally = tallies[s];
-    const double median = quantile(tally.seconds, 0.5);
-    const double p99 = quantile(tally.seconds, 0.99);
+    const double median = quantile(tally.ms, 0.5);
+    const double p99 = quantile(tally.ms, 0.99);
     const double recall = tally.markers > 0 ? 100.0 * tally.found / tally.markers : std::nan("");
-    std::printf("%-24s %9.3f %9.3f %10.1f %8.2f %7.1f%% %6d\n", systems[s].name.c_str(),
-                1e3 * median, 1e3 * p99, median / pass, median / own, recall, tally.wrong);
+    std::printf("%-24s %9.3f %9.3f %10.1f %8.2f %7.1f%% %6d\n", systems[s].name.c_str(), median,
+                p99, median / pass, median / own, recall, tally.wrong);
     if (table)
       std::fprintf(table, "%d,%d,%s,%d,\"%s\",%.4f,%.4f,%.2f,%d\n", kind.size.width,
                    kind.size.height, kind.name.c_str(), kind.markers, systems[s].name.c_str(),
-                   1e3 * median, 1e3 * p99, recall, tally.wrong);
+                   median, p99, recall, tally.wrong);
   }
   std::fflush(stdout);
 }

@@ -1,7 +1,8 @@
 // What else a camera meets: shadows, defocus, tone curves, clipping. Random scenes as those of
 // `accuracy`, each of them in even light and again under every condition, with the errors over the
 // Cramer-Rao bound of the picture under that condition and over that in even light, and whether the
-// covariance holds. docs/accuracy.md explains the table.
+// covariance holds, and what the poses take of a thread's time. docs/accuracy.md explains the
+// table.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -20,6 +21,7 @@
 #include "harco/harco.hpp"
 #include "lab/bound.hpp"
 #include "lab/render.hpp"
+#include "lab/thread_time.hpp"
 #include "trials.hpp"
 
 namespace {
@@ -212,6 +214,7 @@ struct Outcome {
   bool found = false, aligned = false, flipped = false;
   Parts error, bound, even_bound;
   std::optional<double> nees;
+  double cost_ms = 0.0;  ///< of the poses
 };
 
 /// One scene under all of the conditions asked for.
@@ -222,6 +225,7 @@ class Trial {
         which_(which),
         camera_(Camera::pinhole(750, 480, kFocalPx)),
         detector_(markers, camera_),
+        estimator_(markers),
         sheets_{lab::sheet_of(markers, 0, 2.0)} {}
 
   /// The same numbers give the same scene.
@@ -261,8 +265,10 @@ class Trial {
 
  private:
   void look(const Image& image, Outcome& outcome) {
-    const std::vector<Pose> poses =
-        estimate_poses(image.view(), detector_.detect(image.view()), detector_.markers(), camera_);
+    const std::vector<Detection> detections = detector_.detect(image.view());
+    const double begin = lab::thread_ms();
+    const std::vector<Pose> poses = estimator_.estimate(image.view(), detections, camera_);
+    outcome.cost_ms = lab::thread_ms() - begin;
     if (poses.empty()) return;
     const Pose& pose = poses.front();
     outcome.found = true;
@@ -276,6 +282,7 @@ class Trial {
   const std::vector<std::size_t>& which_;
   Camera camera_;
   Detector detector_;
+  PoseEstimator estimator_;
   std::vector<lab::Sheet> sheets_;
   Eigen::Isometry3d truth_ = Eigen::Isometry3d::Identity();
   Eigen::Vector3d sight_ = Eigen::Vector3d::UnitZ();
@@ -310,7 +317,12 @@ void print_row(const std::vector<Outcome>& all, double side_px, std::size_t cond
   std::vector<double> nees;
   for (const Outcome& o : here)
     if (o.nees) nees.push_back(*o.nees);
-  std::printf(" %6s %6s\n", number(mean(nees)).c_str(), number(median(nees)).c_str());
+  std::printf(" %6s %6s |", number(mean(nees)).c_str(), number(median(nees)).c_str());
+  std::vector<double> costs;
+  for (const Outcome& o : here)
+    if (o.found) costs.push_back(o.cost_ms);
+  const double most = costs.empty() ? std::nan("") : *std::max_element(costs.begin(), costs.end());
+  std::printf(" %6s %6s\n", number(median(costs)).c_str(), number(most).c_str());
 }
 
 std::vector<std::size_t> asked_for(const std::vector<std::string>& names) {
@@ -362,11 +374,13 @@ int main(int argc, char** argv) {
     });
     std::vector<Outcome> all;
     for (const auto& some : outcomes) all.insert(all.end(), some.begin(), some.end());
-    std::printf("%d frames each, noise %g of 255\n\n%5s %-15s | %6s %6s %6s | %-20s | %-20s | %s\n",
-                options.frames, options.noise, "side", "", "found", "align.", "flips",
-                "RMSE / bound", "RMSE / even bound", "normalised error squared");
-    std::printf("%5s %-15s | %6s %6s %6s | %6s %6s %6s | %6s %6s %6s | %6s %6s\n", "px", "", "%",
-                "%", "%", "rot", "lat", "depth", "rot", "lat", "depth", "mean", "median");
+    std::printf(
+        "%d frames each, noise %g of 255\n\n%5s %-15s | %6s %6s %6s | %-20s | %-20s | %-13s | %s\n",
+        options.frames, options.noise, "side", "", "found", "align.", "flips", "RMSE / bound",
+        "RMSE / even bound", "NEES", "poses, ms");
+    std::printf("%5s %-15s | %6s %6s %6s | %6s %6s %6s | %6s %6s %6s | %6s %6s | %6s %6s\n", "px",
+                "", "%", "%", "%", "rot", "lat", "depth", "rot", "lat", "depth", "mean", "median",
+                "median", "most");
     for (const double side : options.sides_px)
       for (const std::size_t condition : which) print_row(all, side, condition);
   } catch (const std::exception& problem) {

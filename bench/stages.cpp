@@ -252,12 +252,12 @@ void alignment(State& state) {
 }
 BENCHMARK(alignment)->Apply(sides);
 
-/// estimate_poses, all that it does.
+/// PoseEstimator::estimate, all that it does.
 void pose(State& state) {
   const View view(static_cast<double>(state.range(0)));
+  PoseEstimator estimator(markers());
   for (auto _ : state)
-    benchmark::DoNotOptimize(
-        estimate_poses(view.image.view(), view.detections, markers(), view.camera));
+    benchmark::DoNotOptimize(estimator.estimate(view.image.view(), view.detections, view.camera));
 }
 BENCHMARK(pose)->Apply(sides);
 

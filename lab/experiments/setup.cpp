@@ -1,7 +1,6 @@
 #include "lab/experiments/setup.hpp"
 
 #include <cmath>
-#include <ctime>
 #include <limits>
 #include <map>
 #include <memory>
@@ -138,12 +137,6 @@ double Wander::operator()(double time_s) const {
   double sum = 0.0;
   for (const Sine& sine : sines_) sum += sine.amplitude * std::sin(sine.rate * time_s + sine.phase);
   return sum;
-}
-
-double thread_ms() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
 }
 
 Json to_json(const std::vector<double>& values) {

@@ -122,9 +122,6 @@ class Wander {
   std::array<Sine, 5> sines_{};
 };
 
-/// CPU time of this thread, ms.
-double thread_ms();
-
 /// Numbers with five digits; null for what is not finite. And back, null as NaN.
 Json to_json(const std::vector<double>& values);
 std::vector<double> numbers(const Json& json);

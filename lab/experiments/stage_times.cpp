@@ -14,6 +14,7 @@
 #include "lab/experiments/picture.hpp"
 #include "lab/experiments/setup.hpp"
 #include "lab/report/plot.hpp"
+#include "lab/thread_time.hpp"
 
 namespace harco::lab {
 namespace {
