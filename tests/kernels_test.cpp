@@ -113,41 +113,49 @@ TEST(Kernels, WaysDownKnownByHand) {
   const std::uint64_t below[2 * kStride] = {0, std::uint64_t{1} << 63, 0, 1};
   const std::uint64_t here[] = {~std::uint64_t{0}, ~std::uint64_t{0}};
   std::uint64_t ways[2 * kStride];
-  ways_down(here, 0, 2, 2, 2, below + 1, kStride, ways + 1);
-  EXPECT_EQ(ways[1], ~std::uint64_t{0});  // through one row: its own pixels
+  ways_down(here, 0, 2, 2, true, 2, below + 1, kStride, ways + 1);
+  EXPECT_EQ(ways[1], ~std::uint64_t{0});  // to the row itself: its own pixels
   EXPECT_EQ(ways[2], ~std::uint64_t{0});
-  EXPECT_EQ(ways[kStride + 1], std::uint64_t{7} << 61);  // through two: two beside that
+  EXPECT_EQ(ways[kStride + 1], std::uint64_t{7} << 61);  // to the next goal: two beside that
   EXPECT_EQ(ways[kStride + 2], std::uint64_t{3} << 62 | 3);
-  ways_down(here, 0, 2, 2, 3, below + 1, kStride, ways + 1);
+  ways_down(here, 0, 2, 2, true, 3, below + 1, kStride, ways + 1);
   EXPECT_EQ(ways[kStride + 1], std::uint64_t{15} << 60);
   EXPECT_EQ(ways[kStride + 2], std::uint64_t{7} << 61 | 7);
   // Of the bright pixels of an inverted row.
   const std::uint64_t dark[] = {std::uint64_t{1} << 62, 1};
-  ways_down(dark, ~std::uint64_t{0}, 2, 2, 2, below + 1, kStride, ways + 1);
+  ways_down(dark, ~std::uint64_t{0}, 2, 2, true, 2, below + 1, kStride, ways + 1);
   EXPECT_EQ(ways[kStride + 1], std::uint64_t{5} << 61);
   EXPECT_EQ(ways[kStride + 2], std::uint64_t{3} << 62 | 2);
+  // Of a row that is none, the ways to each goal lead on from those of the row below.
+  const std::uint64_t goals[2 * kStride] = {0, 16, 0, 0, 0, 0, 1, 0};
+  ways_down(here, 0, 2, 2, false, 1, goals + 1, kStride, ways + 1);
+  EXPECT_EQ(ways[1], std::uint64_t{7} << 3);
+  EXPECT_EQ(ways[2], 0U);
+  EXPECT_EQ(ways[kStride + 1], std::uint64_t{1} << 63);
+  EXPECT_EQ(ways[kStride + 2], 3U);
 }
 
 TEST(Kernels, WaysDownAreTheSameOnEveryTarget) {
   on_every_target([] {
     std::mt19937_64 random(5);
-    constexpr int kRows = 4;
+    constexpr int kGoals = 4;
     for (int words = 1; words <= 40; ++words) {
       const std::ptrdiff_t stride = words + 2;
       std::vector<std::uint64_t> here(static_cast<std::size_t>(words));
-      std::vector<std::uint64_t> below(static_cast<std::size_t>(kRows * stride));
+      std::vector<std::uint64_t> below(static_cast<std::size_t>(kGoals * stride));
       for (std::uint64_t& word : here) word = random();
       for (std::uint64_t& word : below) word = random() & random() & random();
       for (const int reach : {1, 2, 3})
-        for (const std::uint64_t flip : {std::uint64_t{0}, ~std::uint64_t{0}}) {
-          std::vector<std::uint64_t> ways(below.size());
-          std::vector<std::uint64_t> by_hand(below.size());
-          ways_down(here.data(), flip, words, kRows, reach, below.data() + 1, stride,
-                    ways.data() + 1);
-          ways_down_scalar(here.data(), flip, words, kRows, reach, below.data() + 1, stride,
-                           by_hand.data() + 1);
-          ASSERT_EQ(ways, by_hand) << words;
-        }
+        for (const std::uint64_t flip : {std::uint64_t{0}, ~std::uint64_t{0}})
+          for (const bool is_goal : {false, true}) {
+            std::vector<std::uint64_t> ways(below.size());
+            std::vector<std::uint64_t> by_hand(below.size());
+            ways_down(here.data(), flip, words, kGoals, is_goal, reach, below.data() + 1, stride,
+                      ways.data() + 1);
+            ways_down_scalar(here.data(), flip, words, kGoals, is_goal, reach, below.data() + 1,
+                             stride, by_hand.data() + 1);
+            ASSERT_EQ(ways, by_hand) << words;
+          }
     }
   });
 }

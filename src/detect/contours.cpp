@@ -10,6 +10,10 @@
 namespace harco::detect {
 namespace {
 
+// Of a longer border every second, third ... step is measured: sides are fitted again, to the grey
+// across them, once the quad is known.
+constexpr std::size_t kMostPoints = 128;
+
 // Directions clockwise as seen on the screen (y down).
 constexpr std::size_t kRight = 0;
 constexpr std::size_t kDown = 1;
@@ -132,12 +136,13 @@ inline void BorderFollower::go_on(const Ground& ground, Step& step) const {
 
 /// The contour along the way from `from` on.
 const Contour* BorderFollower::measure(const Place& from) {
-  contour_.points.resize(length_);
+  const std::size_t apart = (length_ + kMostPoints - 1) / kMostPoints;
+  contour_.points.clear();
   int x = from.x;
   int y = from.y;
   double twice = 0.0;
   Point before = Point::Zero();
-  for (std::size_t i = 0; i < length_; ++i) {
+  for (std::size_t i = 0; i < length_;) {
     // The pixels on the right-hand and on the left-hand side of this step.
     const std::size_t direction = way_[i];
     const int dark_x = x + kDarkX[direction];
@@ -150,9 +155,11 @@ const Contour* BorderFollower::measure(const Place& from) {
     const Point point(dark_x + share * out_x, dark_y + share * out_y);
     twice += before.x() * point.y() - point.x() * before.y();
     before = point;
-    contour_.points[i] = point;
-    x += kStepX[direction];
-    y += kStepY[direction];
+    contour_.points.push_back(point);
+    for (const std::size_t next = std::min(i + apart, length_); i < next; ++i) {
+      x += kStepX[way_[i]];
+      y += kStepY[way_[i]];
+    }
   }
   const Point& start = contour_.points.front();
   twice += before.x() * start.y() - start.x() * before.y();

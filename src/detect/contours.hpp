@@ -16,9 +16,10 @@ using Point = Eigen::Vector2d;
 
 /// A closed border, in pixels.
 struct Contour {
-  std::vector<Point> points;  ///< one for every pair of a dark and a bright pixel that it parts
-  double area = 0.0;          ///< square pixels, positive
-  bool hole = false;          ///< bright inside dark; otherwise dark inside bright
+  /// Each between a dark and a bright pixel that it parts; not every one of a long border.
+  std::vector<Point> points;
+  double area = 0.0;  ///< square pixels, positive
+  bool hole = false;  ///< bright inside dark; otherwise dark inside bright
 };
 
 /// Follows borders of a dark map along the pixels' edges. Dark pixels that touch at a corner hang

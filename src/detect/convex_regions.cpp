@@ -136,7 +136,11 @@ void ConvexRegions::start(const Threshold& threshold, std::size_t level,
   }
   // More pixels than this tell hardly more.
   constexpr int kMostDown = 12;
-  ways_rows_ = std::clamp(limits.least_extent - 2, 0, kMostDown) / step_ + 1;
+  constexpr int kGoalsApart = 2;
+  const int steps = std::clamp(limits.least_extent - 2, 0, kMostDown) / step_;
+  // To the last goal it is no more steps than that from any row.
+  goals_apart_ = std::min(steps + 1, kGoalsApart);
+  goals_ = (steps - goals_apart_ + 1) / goals_apart_ + 1;
   start_rows(0, rows());
 }
 
@@ -150,7 +154,8 @@ void ConvexRegions::start(const ConvexRegions& whole, int first_row, int end_row
   limits_ = whole.limits_;
   whole_tall_ = &whole.tall_;
   walked_ = whole.walked_;
-  ways_rows_ = whole.ways_rows_;
+  goals_ = whole.goals_;
+  goals_apart_ = whole.goals_apart_;
   const auto row = [&](int y) { return std::min((y + step_ - 1) / step_, rows()); };
   start_rows(row(first_row), row(end_row));
 }
@@ -166,9 +171,9 @@ void ConvexRegions::start_rows(int first_row, int end_row) {
   tops_in_.resize(static_cast<std::size_t>(words + 63) / 64);
   ways_stride_ = words + 2;
   for (auto* ways : {&ways_, &ways_below_})
-    ways->assign(static_cast<std::size_t>(ways_rows_ * ways_stride_), 0);
+    ways->assign(static_cast<std::size_t>(goals_ * ways_stride_), 0);
   // Ways lead through the rows below.
-  row_ = std::min(end_row + ways_rows_ - 1, rows());
+  row_ = std::min(end_row + goals_ * goals_apart_, rows());
   while (row_ > end_row) {
     --row_;
     find_ways_down();
@@ -232,7 +237,7 @@ void ConvexRegions::join_rows() {
   for (int row = 0; row < rows(); ++row) {
     const int y = row * step_;
     // Ways that lead upwards here; those through one row only go to a row that isn't looked at.
-    kernels::ways_down(map_->row(y), 0, map_->words_in_row(), 2, 1, map_->row(y - 1), stride,
+    kernels::ways_down(map_->row(y), 0, map_->words_in_row(), 2, true, 1, map_->row(y - 1), stride,
                        joined_.row(y - 1));
   }
 }
@@ -244,7 +249,8 @@ void ConvexRegions::find_ways_down() {
   // where regions are larger and lead down by other ways as well, at 48.
   const int reach = step_ == 1 ? 2 : 3;
   kernels::ways_down(row_of(*map_, row_), dark_ ? 0 : ~std::uint64_t{0}, map_->words_in_row(),
-                     ways_rows_, reach, ways_below_.data() + 1, ways_stride_, ways_.data() + 1);
+                     goals_, row_ % goals_apart_ == 0, reach, ways_below_.data() + 1, ways_stride_,
+                     ways_.data() + 1);
 }
 
 /// Appends where regions begin in this row that go on down for a while: stretches of dark below

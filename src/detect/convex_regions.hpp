@@ -55,7 +55,7 @@ class ConvexRegions {
     int x, y;
   };
   const std::uint64_t* longest_ways() const {
-    return ways_.data() + 1 + (ways_rows_ - 1) * ways_stride_;
+    return ways_.data() + 1 + (goals_ - 1) * ways_stride_;
   }
   // So many that the one below the last is still within the map's padding.
   int rows() const { return map_->height() / step_; }
@@ -88,12 +88,14 @@ class ConvexRegions {
   const DarkMap* known_ = nullptr;  // at the low level, the map in which all others are found
   int first_row_ = 1;
   int row_ = 0;
-  // Pixels of this row from which a way within the region leads down for at least 1, 2 ...
-  // ways_rows_ rows, one after the other, with one word of padding on either side; and of the row
-  // below.
+  // Pixels of this row from which a way within the region leads down to the first, the second ...
+  // goals_-th goal, one row of bits after the other, with one word of padding on either side; and
+  // of the row below. Every goals_apart_-th row is a goal: so a few rows of bits tell of ways
+  // through many rows, to one row more or less.
   std::vector<std::uint64_t> ways_, ways_below_;
   std::ptrdiff_t ways_stride_ = 0;
-  int ways_rows_ = 1;
+  int goals_ = 1;
+  int goals_apart_ = 1;
   std::vector<std::uint64_t> top_ends_, top_open_, tops_in_;  // of this row: kernels::Tops
   std::vector<kernels::RegionStart> starts_;                  // of some rows
   std::vector<std::uint8_t> survives_;                        // which of them may be convex

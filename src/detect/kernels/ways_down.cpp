@@ -14,9 +14,10 @@ namespace harco::detect::kernels::HWY_NAMESPACE {
 
 #if HWY_TARGET == HWY_SCALAR
 
-void ways_down_simd(const std::uint64_t* here, std::uint64_t flip, int words, int rows, int reach,
-                    const std::uint64_t* below, std::ptrdiff_t stride, std::uint64_t* ways) {
-  ways_down_scalar(here, flip, words, rows, reach, below, stride, ways);
+void ways_down_simd(const std::uint64_t* here, std::uint64_t flip, int words, int goals,
+                    bool is_goal, int reach, const std::uint64_t* below, std::ptrdiff_t stride,
+                    std::uint64_t* ways) {
+  ways_down_scalar(here, flip, words, goals, is_goal, reach, below, stride, ways);
 }
 
 #else
@@ -39,8 +40,8 @@ HWY_INLINE Words nearby(Words left, Words middle, Words right) {
 }
 
 template <int kReach>
-void ways_within(const std::uint64_t* HWY_RESTRICT here, std::uint64_t flip, int words, int rows,
-                 const std::uint64_t* HWY_RESTRICT below, std::ptrdiff_t stride,
+void ways_within(const std::uint64_t* HWY_RESTRICT here, std::uint64_t flip, int words, int goals,
+                 bool is_goal, const std::uint64_t* HWY_RESTRICT below, std::ptrdiff_t stride,
                  std::uint64_t* HWY_RESTRICT ways) {
   const int lanes = static_cast<int>(hn::Lanes(kWords));
   const auto inverted = hn::Set(kWords, flip);
@@ -49,26 +50,31 @@ void ways_within(const std::uint64_t* HWY_RESTRICT here, std::uint64_t flip, int
     const auto own = hn::Xor(hn::LoadU(kWords, here + at), inverted);
     const std::uint64_t* from = below + at;
     std::uint64_t* to = ways + at;
-    hn::StoreU(own, kWords, to);
-    for (int row = 1; row < rows; ++row, from += stride) {
+    int goal = 0;
+    if (is_goal) {
+      hn::StoreU(own, kWords, to);
+      to += stride;
+      ++goal;
+    }
+    for (; goal < goals; ++goal, from += stride, to += stride) {
       const auto reached = nearby<kReach>(hn::LoadU(kWords, from - 1), hn::LoadU(kWords, from),
                                           hn::LoadU(kWords, from + 1));
-      to += stride;
       hn::StoreU(hn::And(own, reached), kWords, to);
     }
   }
 }
 
-void ways_down_simd(const std::uint64_t* here, std::uint64_t flip, int words, int rows, int reach,
-                    const std::uint64_t* below, std::ptrdiff_t stride, std::uint64_t* ways) {
+void ways_down_simd(const std::uint64_t* here, std::uint64_t flip, int words, int goals,
+                    bool is_goal, int reach, const std::uint64_t* below, std::ptrdiff_t stride,
+                    std::uint64_t* ways) {
   if (words < static_cast<int>(hn::Lanes(kWords)))
-    ways_down_scalar(here, flip, words, rows, reach, below, stride, ways);
+    ways_down_scalar(here, flip, words, goals, is_goal, reach, below, stride, ways);
   else if (reach == 1)
-    ways_within<1>(here, flip, words, rows, below, stride, ways);
+    ways_within<1>(here, flip, words, goals, is_goal, below, stride, ways);
   else if (reach == 2)
-    ways_within<2>(here, flip, words, rows, below, stride, ways);
+    ways_within<2>(here, flip, words, goals, is_goal, below, stride, ways);
   else
-    ways_within<3>(here, flip, words, rows, below, stride, ways);
+    ways_within<3>(here, flip, words, goals, is_goal, below, stride, ways);
 }
 
 #endif
@@ -81,23 +87,31 @@ namespace harco::detect::kernels {
 
 HWY_EXPORT(ways_down_simd);
 
-void ways_down(const std::uint64_t* here, std::uint64_t flip, int words, int rows, int reach,
-               const std::uint64_t* below, std::ptrdiff_t stride, std::uint64_t* ways) {
-  HWY_DYNAMIC_DISPATCH(ways_down_simd)(here, flip, words, rows, reach, below, stride, ways);
+void ways_down(const std::uint64_t* here, std::uint64_t flip, int words, int goals, bool is_goal,
+               int reach, const std::uint64_t* below, std::ptrdiff_t stride, std::uint64_t* ways) {
+  HWY_DYNAMIC_DISPATCH(ways_down_simd)
+  (here, flip, words, goals, is_goal, reach, below, stride, ways);
 }
 
-void ways_down_scalar(const std::uint64_t* here, std::uint64_t flip, int words, int rows, int reach,
-                      const std::uint64_t* below, std::ptrdiff_t stride, std::uint64_t* ways) {
+void ways_down_scalar(const std::uint64_t* here, std::uint64_t flip, int words, int goals,
+                      bool is_goal, int reach, const std::uint64_t* below, std::ptrdiff_t stride,
+                      std::uint64_t* ways) {
   for (int word = 0; word < words; ++word) {
     const std::uint64_t own = here[word] ^ flip;
-    ways[word] = own;
-    for (int row = 1; row < rows; ++row) {
-      const std::uint64_t* from = below + (row - 1) * stride + word;
+    const std::uint64_t* from = below + word;
+    std::uint64_t* to = ways + word;
+    int goal = 0;
+    if (is_goal) {
+      *to = own;
+      to += stride;
+      ++goal;
+    }
+    for (; goal < goals; ++goal, from += stride, to += stride) {
       std::uint64_t reached = from[0];
       for (int beside = 1; beside <= reach; ++beside)
         reached |= from[0] << beside | from[-1] >> (64 - beside) | from[0] >> beside |
                    from[1] << (64 - beside);
-      ways[row * stride + word] = own & reached;
+      *to = own & reached;
     }
   }
 }
