@@ -31,9 +31,11 @@ struct EdgeFilter {
   Profile expected;      ///< the mean profile as the bands explain it
   Profile weights;
   /// What was fitted, for another fit that starts from there.
-  Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 8, 1> fitted;
+  Eigen::Matrix<double, 8, 1> fitted;
 
-  double position(const Profile& profile) const { return offset + weights.dot(profile - expected); }
+  /// Of a profile: what its greys with the `weights` add up to, and this.
+  double constant() const { return offset - weights.dot(expected); }
+  double position(const Profile& profile) const { return constant() + weights.dot(profile); }
 };
 
 /// Fits the offset of all borders, their Gaussian blur and the bands' levels to a profile whose
