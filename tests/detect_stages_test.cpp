@@ -15,6 +15,8 @@
 #include "detect/codebook.hpp"
 #include "detect/contours.hpp"
 #include "detect/edges.hpp"
+#include "detect/median.hpp"
+#include "detect/profiles.hpp"
 #include "detect/quad.hpp"
 #include "detect/sample.hpp"
 #include "detect/shapes.hpp"
@@ -520,6 +522,87 @@ TEST(Sample, IsBilinear) {
   EXPECT_FALSE(sample(image.view(), -0.01, 0.0));
   EXPECT_FALSE(sample(image.view(), 2.01, 0.0));
   EXPECT_FALSE(sample(image.view(), std::nan(""), 0.0));
+}
+
+TEST(Median, IsTheMiddleOneOrTheUpperOfTwo) {
+  const std::vector<float> odd{7.0F, 255.0F, 3.0F, 0.0F, 200.0F};
+  EXPECT_EQ(middle_of(odd.data(), 5, 256.0F), 7.0F);
+  EXPECT_EQ(middle_of(odd.data(), 1, 256.0F), 7.0F);
+  EXPECT_EQ(middle_of(odd.data(), 4, 256.0F), 7.0F);  // 0, 3, 7, 255
+  const std::vector<float> same(96, 12.25F);
+  EXPECT_EQ(middle_of(same.data(), 96, 256.0F), 12.25F);
+  const std::vector<float> between{0.3F, 0.1F, 0.2F};
+  EXPECT_NEAR(middle_of(between.data(), 3, 1.0F), 0.2F, 2e-5);
+}
+
+/// Greys of 20 positions two pixels apart at one step, without anything across.
+Profiles one_step(const std::vector<float>& greys) {
+  Profiles profiles;
+  profiles.along.resize(static_cast<Eigen::Index>(greys.size()));
+  for (int i = 0; i < profiles.count(); ++i) {
+    profiles.along(i) = 2.0F * static_cast<float>(i) - 19.0F;
+    profiles.grey(i, 0) = greys[static_cast<std::size_t>(i)];
+  }
+  return profiles;
+}
+
+TEST(Profiles, LevelsFollowTheLightAndNotWhatHidesIt) {
+  std::vector<float> greys;
+  for (int i = 0; i < 20; ++i) greys.push_back(100.0F + 3.0F * static_cast<float>(i));
+  for (const std::size_t hidden : {3U, 4U, 12U}) greys[hidden] = 10.0F;
+  const Linear level = level_at(one_step(greys), 0);
+  EXPECT_NEAR(level.middle, 128.5, 0.1);
+  EXPECT_NEAR(level.slope, 1.5, 0.01);
+  EXPECT_NEAR(level.at(-19.0), 100.0, 0.2);
+  // What is even but for noise has no slope.
+  for (std::size_t i = 0; i < greys.size(); ++i) greys[i] = i % 2 == 0 ? 59.0F : 61.0F;
+  const Linear even = level_at(one_step(greys), 0);
+  EXPECT_EQ(even.slope, 0.0);
+  EXPECT_NEAR(even.middle, 60.0, 1e-4);
+  EXPECT_EQ(median_at(one_step(greys), 0), 61.0F);
+}
+
+TEST(Profiles, LevelsNearbyAreMediansOfFive) {
+  const Profiles profiles = one_step({9.0F, 1.0F, 5.0F, 7.0F, 3.0F, 200.0F, 4.0F});
+  const Positions levels = levels_nearby(profiles, 0);
+  const std::vector<float> expected{5.0F,   // of 5 1 9 1 5
+                                    5.0F,   // of 1 9 1 5 7: mirrored at the end
+                                    5.0F,   // of 9 1 5 7 3
+                                    5.0F,   // of 1 5 7 3 200
+                                    5.0F,   // of 5 7 3 200 4
+                                    7.0F,   // of 7 3 200 4 200, mirrored
+                                    4.0F};  // of 3 200 4 200 3
+  ASSERT_EQ(levels.size(), 7);
+  for (Eigen::Index i = 0; i < levels.size(); ++i)
+    EXPECT_EQ(levels(i), expected[static_cast<std::size_t>(i)]) << i;
+}
+
+TEST(Profiles, AreReadAcrossASideFromTheInsideOut) {
+  // Grey is 4 x + 3 y; the side runs to the right at y = 20.25, so its outside lies above it.
+  Image image(60, 40);
+  for (int y = 0; y < 40; ++y)
+    for (int x = 0; x < 60; ++x)
+      image.row(y)[x] = static_cast<std::uint8_t>(std::min(255, 4 * x + 3 * y));
+  const Point a(5.0, 20.25), b(35.0, 20.25);
+  Profiles profiles = read_profiles(image.view(), Lens(), a, b, {4, 6}, 8);
+  ASSERT_EQ(profiles.count(), 8);
+  EXPECT_EQ(profiles.across(), 11);
+  for (int i = 0; i < 8; ++i) {
+    // The side is 30 long, 3.3 of it left out at either end: positions 23.4 / 8 = 2.925 apart.
+    const double x = 5.0 + 3.3 + 2.925 * (i + 0.5);
+    EXPECT_NEAR(profiles.along(i), x - 20.0, 1e-5);
+    for (int k = -4; k <= 6; ++k)
+      EXPECT_NEAR(profiles.at(k)(i), 4.0 * x + 3.0 * (20.25 - 0.5 * k), 0.005);
+  }
+  // Means over two pixels, of light that changes evenly: the same, two steps less on either side.
+  const float before = profiles.at(1)(3);
+  widen_pixels(profiles);
+  EXPECT_EQ(profiles.inward, 2);
+  EXPECT_EQ(profiles.outward, 4);
+  EXPECT_NEAR(profiles.at(1)(3), before, 1e-3);
+  // Where the image ends, profiles that leave it are missing.
+  EXPECT_EQ(read_profiles(image.view(), Lens(), {5.0, 2.0}, {35.0, 2.0}, {4, 6}, 8).count(), 0);
+  EXPECT_EQ(read_profiles(image.view(), Lens(), {5.0, 0.5}, {35.0, 10.5}, {4, 6}, 8).count(), 7);
 }
 
 TEST(Edges, AreTakenOutOfTheirBlur) {

@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
 
+#include "detect/kernels/bilinear.hpp"
 #include "detect/kernels/clean_steps.hpp"
 #include "detect/kernels/dark_bits.hpp"
 #include "detect/kernels/halve.hpp"
@@ -77,6 +78,54 @@ TEST(Kernels, TileExtremesAreTheSameOnEveryTarget) {
                              high_by_hand.data());
         ASSERT_EQ(low, low_by_hand) << width << " x " << rows;
         ASSERT_EQ(high, high_by_hand) << width << " x " << rows;
+      }
+  });
+}
+
+TEST(Kernels, GreysBetweenPixelsKnownByHand) {
+  const std::vector<std::uint8_t> pixels{0,  100, 50,  //
+                                         40, 60,  255};
+  const ImageView image(pixels.data(), 3, 2, 3);
+  constexpr std::int32_t kPixel = 1 << kPlaceBits;
+  const std::int32_t x[] = {0, kPixel / 2, kPixel / 4};
+  const std::int32_t y[] = {0, 0, kPixel / 4};
+  float grey[3];
+  bilinear(image, x, y, 0, 0, 3, grey);
+  EXPECT_EQ(grey[0], 0.0F);
+  EXPECT_EQ(grey[1], 50.0F);
+  EXPECT_EQ(grey[2], 30.0F);  // 25 above, 45 below
+  bilinear(image, x, y, kPixel, kPixel / 2, 3, grey);
+  EXPECT_EQ(grey[0], 80.0F);
+  EXPECT_EQ(grey[1], 116.25F);    // (100 + 50 + 60 + 255) / 4
+  EXPECT_EQ(grey[2], 103.4375F);  // 87.5 above, 108.75 below
+}
+
+TEST(Kernels, GreysBetweenPixelsAreTheSameOnEveryTarget) {
+  on_every_target([] {
+    std::mt19937 random(5);
+    for (const int width : {2, 3, 4, 5, 17, 64})
+      for (const int height : {2, 3, 20}) {
+        // Exactly as long as needed, so that sanitizers see what is read beyond it.
+        const std::ptrdiff_t stride = width + 1;
+        const auto pixels = random_bytes(static_cast<std::size_t>(stride * (height - 1) + width),
+                                         static_cast<std::uint32_t>(width * 32 + height));
+        const ImageView image(pixels.data(), width, height, stride);
+        std::uniform_int_distribution<std::int32_t> across(0, ((width - 1) << kPlaceBits) - 1);
+        std::uniform_int_distribution<std::int32_t> down(0, ((height - 1) << kPlaceBits) - 1);
+        for (int count = 1; count <= 40; ++count) {
+          std::vector<std::int32_t> x, y;
+          for (int i = 0; i < count; ++i) {
+            x.push_back(across(random) - 7);
+            y.push_back(down(random) + 5);
+          }
+          x[0] = ((width - 1) << kPlaceBits) - 8;  // as far to the right and down as can be
+          y[0] = ((height - 1) << kPlaceBits) + 4;
+          std::vector<float> grey(x.size());
+          std::vector<float> by_hand(x.size());
+          bilinear(image, x.data(), y.data(), 7, -5, count, grey.data());
+          bilinear_scalar(image, x.data(), y.data(), 7, -5, count, by_hand.data());
+          ASSERT_EQ(grey, by_hand) << width << " x " << height << ", " << count;
+        }
       }
   });
 }
