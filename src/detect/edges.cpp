@@ -195,17 +195,18 @@ std::optional<FittedLine> fit_points(const EdgePoints& points, const Point& midd
                         std::abs(slope - earlier_slope) * 0.5F * static_cast<float>(length);
     if (round > 0 && moved < kSettled) break;
   }
-  if (std::sqrt(double{variance}) > 0.6 + 0.01 * length) return std::nullopt;
+  if (std::sqrt(static_cast<double>(variance)) > 0.6 + 0.01 * length) return std::nullopt;
   const Point outward(direction.y(), -direction.x());
   FittedLine line;
-  line.middle = middle + double{centre} * direction + double{offset} * outward;
-  line.direction = (direction + double{slope} * outward).normalized();
-  line.offset_variance = double{variance / sum_w};
-  line.slope_variance = variance / sum_tt;
+  line.middle =
+      middle + static_cast<double>(centre) * direction + static_cast<double>(offset) * outward;
+  line.direction = (direction + static_cast<double>(slope) * outward).normalized();
+  line.offset_variance = static_cast<double>(variance / sum_w);
+  line.slope_variance = static_cast<double>(variance / sum_tt);
   const Positions weighted = weights * residuals;
   for (std::size_t apart = 0; apart < line.products.size(); ++apart) {
     const auto pairs = n - static_cast<Eigen::Index>(apart);
-    line.products[apart] = (weighted.head(pairs) * weighted.tail(pairs)).sum();
+    line.products[apart] = static_cast<double>((weighted.head(pairs) * weighted.tail(pairs)).sum());
   }
   line.weights = std::move(weights);
   return line;
@@ -403,7 +404,7 @@ double correlation_factor(const std::array<FittedLine, 4>& lines) {
   double count = 0.0;
   for (const FittedLine& line : lines) {
     for (std::size_t k = 0; k < products.size(); ++k) products[k] += line.products[k];
-    count += double{line.weights.sum()};
+    count += static_cast<double>(line.weights.sum());
   }
   double factor = kTukeyVariance;
   for (std::size_t k = 0; k < kUsual.size(); ++k)

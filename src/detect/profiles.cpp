@@ -106,8 +106,11 @@ float median_at(const Profiles& profiles, int step) {
 
 Linear level_at(const Profiles& profiles, int step) {
   constexpr int kEnough = 16;
+  const auto line = [](float middle, float slope) {
+    return Linear{static_cast<double>(middle), static_cast<double>(slope)};
+  };
   const int count = profiles.count();
-  if (count < kEnough) return {median_at(profiles, step), 0.0};
+  if (count < kEnough) return line(median_at(profiles, step), 0.0F);
   const Positions& along = profiles.along;
   const auto grey = profiles.at(step);
   // A first line through the medians of both halves says which greys belong.
@@ -130,8 +133,8 @@ Linear level_at(const Profiles& profiles, int step) {
   const float tt = (belongs * t * t).sum();
   const float slope = (t * g).sum() / tt;
   const float slope_variance = std::max(0.0F, (g * (g - slope * t)).sum()) / (n - 2.0F) / tt;
-  if (slope * slope < 6.0F * slope_variance) return {level, 0.0};
-  return {level - slope * centre, slope};
+  if (slope * slope < 6.0F * slope_variance) return line(level, 0.0F);
+  return line(level - slope * centre, slope);
 }
 
 Positions levels_nearby(const Profiles& profiles, int step) {
@@ -170,7 +173,7 @@ Profile mean_profile(const Profiles& profiles, const Positions& weights) {
   Profile mean(profiles.across());
   const float scale = 1.0F / std::max(weights.sum(), 1e-9F);
   for (int k = -profiles.inward; k <= profiles.outward; ++k)
-    mean(k + profiles.inward) = (weights * profiles.at(k)).sum() * scale;
+    mean(k + profiles.inward) = static_cast<double>((weights * profiles.at(k)).sum() * scale);
   return mean;
 }
 
