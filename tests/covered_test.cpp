@@ -1,10 +1,13 @@
 // Markers of which only parts are seen, and markers that only a larger one leads to.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <random>
 #include <stdexcept>
+#include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 #include <Eigen/Geometry>
@@ -19,6 +22,7 @@
 #include "detect/relations.hpp"
 #include "detect/segments.hpp"
 #include "detect/side_quads.hpp"
+#include "detect/step_map.hpp"
 #include "harco/detect.hpp"
 #include "harco/dictionary.hpp"
 #include "harco/geometry.hpp"
@@ -58,6 +62,77 @@ Image half_plane(int width, int height, const Point& at, const Point& way, doubl
 
 void cover_with(Image& image, int left, int top, int right, int bottom, std::uint8_t grey) {
   for (int y = top; y < bottom; ++y) std::fill(image.row(y) + left, image.row(y) + right, grey);
+}
+
+Image transposed(const Image& image) {
+  Image turned(image.height, image.width);
+  for (int y = 0; y < image.height; ++y)
+    for (int x = 0; x < image.width; ++x) turned.row(x)[y] = image.row(y)[x];
+  return turned;
+}
+
+using Places = std::vector<std::array<int, 2>>;
+
+Places steps_of(const Image& image, bool along_rows) {
+  detect::StepMap map;
+  map.find(image.view(), along_rows, 3, 20);
+  Places places;
+  map.for_each([&](int s, int t) { places.push_back({s, t}); });
+  return places;
+}
+
+TEST(Steps, StandInARowOfThree) {
+  Image image(40, 60, 200);
+  const auto draw = [&](int row, int from, int to) {
+    cover_with(image, from, row, to, row + 1, 50);
+  };
+  // As far apart as may be, and farther.
+  draw(4, 20, 30);
+  draw(6, 23, 30);
+  draw(8, 26, 30);
+  draw(14, 12, 20);
+  draw(16, 16, 20);
+  draw(18, 20, 30);
+  // Only two; three of which one goes the other way.
+  draw(24, 10, 40);
+  draw(26, 10, 40);
+  draw(34, 10, 40);
+  draw(36, 0, 11);
+  draw(38, 10, 40);
+  // Rows between scan lines don't count.
+  draw(45, 10, 40);
+  draw(47, 10, 40);
+  draw(49, 10, 40);
+  // By the last dark or bright pixel; where the dark ends, three go straight down.
+  const Places expected{{4, 19}, {4, 29}, {6, 22}, {6, 29}, {8, 25}, {8, 29}};
+  EXPECT_EQ(steps_of(image, true), expected);
+  EXPECT_EQ(steps_of(transposed(image), false), expected);
+}
+
+TEST(Steps, AreCountedByEveryEighthScanLine) {
+  Image image(40, 60, 200);
+  cover_with(image, 10, 0, 20, 60, 50);
+  detect::StepMap map;
+  // On rows 2, 18, 34 and 50 two each.
+  EXPECT_EQ(map.count_roughly(image.view(), 2, 20), 8 * 8);
+  EXPECT_EQ(map.count_roughly(image.view(), 2, 151), 0);
+}
+
+TEST(Steps, AreTheSameAlongRowsAndColumns) {
+  std::mt19937 random(11);
+  std::size_t found = 0;
+  for (const auto& [width, height] : {std::pair(203, 130), std::pair(64, 71), std::pair(9, 40)}) {
+    Image image(width, height, 128);
+    for (int k = 0; k < 60; ++k) {
+      const int x = static_cast<int>(random() % static_cast<unsigned>(width - 8));
+      const int y = static_cast<int>(random() % static_cast<unsigned>(height - 8));
+      cover_with(image, x, y, x + 8, y + 8, static_cast<std::uint8_t>(random() % 256U));
+    }
+    const Places along_rows = steps_of(image, true);
+    found += along_rows.size();
+    EXPECT_EQ(along_rows, steps_of(transposed(image), false)) << width;
+  }
+  EXPECT_GT(found, 50U);
 }
 
 double beside(const Segment& segment, const Point& at, const Point& way) {

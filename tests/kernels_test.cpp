@@ -1,10 +1,12 @@
 // Every kernel gives the same bytes as its plain twin, on every instruction set of this machine.
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -16,6 +18,7 @@
 #include "detect/kernels/halve.hpp"
 #include "detect/kernels/region_tops.hpp"
 #include "detect/kernels/region_walk.hpp"
+#include "detect/kernels/spread_bits.hpp"
 #include "detect/kernels/steep_bits.hpp"
 #include "detect/kernels/tall_bits.hpp"
 #include "detect/kernels/tile_extremes.hpp"
@@ -390,48 +393,91 @@ TEST(Kernels, DarkBitsAreTheSameOnEveryTarget) {
 }
 
 TEST(Kernels, CleanStepsKnownByHand) {
-  // One row a place; the step lies between the third and the fourth sample. In turn: a clean one
+  // One row a place; the step lies between the fourth and the fifth sample. In turn: a clean one
   // up, one down, too little contrast, uneven before, uneven behind, the middle passed too late and
   // too early, as uneven as may be, hardly more.
-  const std::vector<std::array<std::uint8_t, 6>> places{
-      {10, 10, 20, 90, 90, 90}, {90, 90, 80, 10, 10, 10},   {50, 50, 50, 69, 69, 69},
-      {30, 10, 20, 90, 90, 90}, {10, 10, 20, 90, 90, 120},  {10, 10, 20, 30, 90, 90},
-      {10, 10, 70, 90, 90, 90}, {10, 30, 30, 99, 110, 110}, {10, 31, 31, 99, 110, 110}};
-  std::array<std::vector<std::uint8_t>, 6> columns;
-  SixSamples samples{};
-  for (std::size_t k = 0; k < 6; ++k) {
+  const std::vector<std::array<std::uint8_t, 8>> places{
+      {10, 10, 10, 20, 90, 90, 90, 90},   {90, 90, 90, 80, 10, 10, 10, 10},
+      {50, 50, 50, 50, 69, 69, 69, 69},   {30, 10, 10, 20, 90, 90, 90, 90},
+      {10, 10, 10, 20, 90, 90, 90, 120},  {10, 10, 10, 20, 30, 90, 90, 90},
+      {10, 10, 10, 70, 90, 90, 90, 90},   {10, 30, 30, 30, 99, 110, 110, 110},
+      {10, 31, 31, 31, 99, 110, 110, 110}};
+  std::array<std::vector<std::uint8_t>, 8> columns;
+  EightSamples samples{};
+  for (std::size_t k = 0; k < samples.size(); ++k) {
     for (const auto& place : places) columns[k].push_back(place[k]);
     samples[k] = columns[k].data();
   }
-  std::vector<std::uint8_t> bits(2, 0xFF);
-  clean_steps(samples, 9, 20, bits.data());
-  EXPECT_EQ(bits, (std::vector<std::uint8_t>{0b10000011, 0}));
+  std::vector<std::uint8_t> rising(2, 0xFF);
+  std::vector<std::uint8_t> falling(2, 0xFF);
+  clean_steps(samples, 3, 9, 20, rising.data(), falling.data());
+  EXPECT_EQ(rising, (std::vector<std::uint8_t>{0b10000001, 0}));
+  EXPECT_EQ(falling, (std::vector<std::uint8_t>{0b00000010, 0}));
+  // Of two samples on either side those that are uneven at the outermost ones are clean as well.
+  clean_steps(samples, 2, 9, 20, rising.data(), falling.data());
+  EXPECT_EQ(rising, (std::vector<std::uint8_t>{0b10011001, 1}));
+  EXPECT_EQ(falling, (std::vector<std::uint8_t>{0b00000010, 0}));
 }
 
 TEST(Kernels, CleanStepsAreTheSameOnEveryTarget) {
   on_every_target([] {
-    int set = 0;
+    int up = 0;
+    int down = 0;
     for (int count = 1; count <= 300; ++count) {
       // Of two levels, so that there are steps.
-      std::array<std::vector<std::uint8_t>, 6> columns;
-      SixSamples samples{};
-      for (std::size_t k = 0; k < 6; ++k) {
+      std::array<std::vector<std::uint8_t>, 8> columns;
+      EightSamples samples{};
+      for (std::size_t k = 0; k < samples.size(); ++k) {
         columns[k] = random_bytes(static_cast<std::size_t>(count),
                                   static_cast<std::uint32_t>(count) + 1000U * std::uint32_t(k));
         for (std::uint8_t& value : columns[k])
           value = static_cast<std::uint8_t>((value & 0x80U ? 150U : 50U) + (value & 0x1FU));
         samples[k] = columns[k].data();
       }
-      std::vector<std::uint8_t> bits(static_cast<std::size_t>(count + 7) / 8);
-      std::vector<std::uint8_t> by_hand(bits.size());
-      for (const int contrast : {1, 80, 255}) {
-        clean_steps(samples, count, contrast, bits.data());
-        clean_steps_scalar(samples, count, contrast, by_hand.data());
-        ASSERT_EQ(bits, by_hand) << count;
-        set += static_cast<int>(std::count_if(bits.begin(), bits.end(), [](int b) { return b; }));
+      std::vector<std::uint8_t> rising(static_cast<std::size_t>(count + 7) / 8);
+      std::vector<std::uint8_t> falling = rising;
+      std::vector<std::uint8_t> rising_by_hand = rising;
+      std::vector<std::uint8_t> falling_by_hand = rising;
+      for (const auto& [even, contrast] : {std::pair(2, 1), std::pair(3, 80), std::pair(3, 255)}) {
+        clean_steps(samples, even, count, contrast, rising.data(), falling.data());
+        clean_steps_scalar(samples, even, count, contrast, rising_by_hand.data(),
+                           falling_by_hand.data());
+        ASSERT_EQ(rising, rising_by_hand) << count;
+        ASSERT_EQ(falling, falling_by_hand) << count;
+        for (const std::uint8_t byte : rising) up += std::popcount(byte);
+        for (const std::uint8_t byte : falling) down += std::popcount(byte);
       }
     }
-    EXPECT_GT(set, 100);
+    EXPECT_GT(up, 100);
+    EXPECT_GT(down, 100);
+  });
+}
+
+TEST(Kernels, SpreadBitsKnownByHand) {
+  // Two words, with one on either side.
+  const std::uint64_t bits[] = {std::uint64_t{1} << 62, 1U << 10, std::uint64_t{1} << 63, 4};
+  std::uint64_t spread[2];
+  spread_bits(bits + 1, 2, spread);
+  EXPECT_EQ(spread[0], 0b11111110000011U);  // 62 + 3 is bit 1 of the next word
+  EXPECT_EQ(spread[1], std::uint64_t{15} << 60 | std::uint64_t{1} << 63);
+}
+
+TEST(Kernels, SpreadBitsAreTheSameOnEveryTarget) {
+  on_every_target([] {
+    std::mt19937_64 random(7);
+    for (int words = 1; words <= 40; ++words) {
+      std::vector<std::uint64_t> bits(static_cast<std::size_t>(words + 2));
+      for (std::uint64_t& word : bits) {
+        const std::uint64_t some = random();
+        const std::uint64_t few = some & random();
+        word = few & random();
+      }
+      std::vector<std::uint64_t> spread(static_cast<std::size_t>(words));
+      std::vector<std::uint64_t> by_hand = spread;
+      spread_bits(bits.data() + 1, words, spread.data());
+      spread_bits_scalar(bits.data() + 1, words, by_hand.data());
+      ASSERT_EQ(spread, by_hand) << words;
+    }
   });
 }
 

@@ -1,16 +1,17 @@
 #include "detect/segments.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-
-#include "detect/kernels/clean_steps.hpp"
 
 namespace harco::detect {
 namespace {
 
-// Pixels from one scan line to the next.
-constexpr int kApart = 2;
+constexpr int kApart = StepMap::kApart;
+// Even samples on either side of a step; two where there are few steps, so that edges between
+// things that cover the rest show as well. Before texture, three find more markers than two: of
+// texture there is a third of the steps.
+constexpr int kEven = 2, kEvenInTexture = 3;
+constexpr int kFewSteps = 1500;  // along rows
 // A step belongs to an edge if it lies within this of where the edge goes on, in pixels, and if its
 // levels differ by no more than this share of the contrast.
 constexpr float kBeside = 0.5F;
@@ -24,10 +25,6 @@ constexpr double kLeastShare = 0.7;
 // bends it.
 constexpr double kStraight = 0.25;
 constexpr double kBend = 0.0025;
-
-// Samples before and behind the pixel that a step follows.
-constexpr int kBefore = 2;
-constexpr int kBehind = 3;
 
 }  // namespace
 
@@ -115,8 +112,7 @@ inline void SegmentFinder::Scan::read(const ImageView& image, bool rows, int x, 
   const float share = 1.0F / static_cast<float>(behind - before);
   // An ideal step turns by twice the slope from the line before to the line behind.
   int turned = 0;
-  for (int k = -kBefore; k <= kBehind; ++k)
-    turned += pixel[k * along - across] - pixel[k * along + across];
+  for (int k = -2; k <= 3; ++k) turned += pixel[k * along - across] - pixel[k * along + across];
   Step step;
   step.slope = share * static_cast<float>(turned);
   if (std::abs(step.slope) > kSteepest) return;
@@ -130,49 +126,11 @@ inline void SegmentFinder::Scan::read(const ImageView& image, bool rows, int x, 
   link(step);
 }
 
-void SegmentFinder::scan_rows(const ImageView& image, int least_contrast, Scan& scan) {
-  const int count = image.width() - kBefore - kBehind;
-  scan.start(image.width());
-  scan.bits.assign(static_cast<std::size_t>((count + 63) / 64), 0);
-  for (int y = kApart; y < image.height() - 1; y += kApart) {
-    kernels::SixSamples samples{};
-    for (std::size_t k = 0; k < samples.size(); ++k) samples[k] = image.row(y) + k;
-    kernels::clean_steps(samples, count, least_contrast,
-                         reinterpret_cast<std::uint8_t*>(scan.bits.data()));
-    for (std::size_t word = 0; word < scan.bits.size(); ++word)
-      for (std::uint64_t left = scan.bits[word]; left != 0; left &= left - 1)
-        scan.read(image, true, static_cast<int>(64 * word) + std::countr_zero(left) + kBefore, y);
-  }
-}
-
-void SegmentFinder::scan_columns(const ImageView& image, int least_contrast, Scan& scan) {
-  constexpr std::uint64_t kEvery = 0x5555555555555555U;
-  static_assert(kApart == 2);
-  const int count = image.width();
-  scan.start(image.height());
-  scan.bits.assign(static_cast<std::size_t>((count + 63) / 64), 0);
-  scan.steps.clear();
-  scan.ends.assign(static_cast<std::size_t>(count / kApart + 2), 0);
-  for (int y = kBefore; y < image.height() - kBehind; ++y) {
-    kernels::SixSamples samples{};
-    for (std::size_t k = 0; k < samples.size(); ++k)
-      samples[k] = image.row(y + static_cast<int>(k) - kBefore);
-    kernels::clean_steps(samples, count, least_contrast,
-                         reinterpret_cast<std::uint8_t*>(scan.bits.data()));
-    for (std::size_t word = 0; word < scan.bits.size(); ++word)
-      for (std::uint64_t left = scan.bits[word] & kEvery; left != 0; left &= left - 1) {
-        const int x = static_cast<int>(64 * word) + std::countr_zero(left);
-        if (x == 0 || x == image.width() - 1) continue;
-        scan.steps.push_back({x, y});
-        ++scan.ends[static_cast<std::size_t>(x / kApart + 1)];
-      }
-  }
-  // Column by column, downwards in each.
-  for (std::size_t i = 1; i < scan.ends.size(); ++i) scan.ends[i] += scan.ends[i - 1];
-  scan.by_line.resize(scan.steps.size());
-  for (const auto& place : scan.steps)
-    scan.by_line[scan.ends[static_cast<std::size_t>(place[0] / kApart)]++] = place;
-  for (const auto& [x, y] : scan.by_line) scan.read(image, false, x, y);
+void SegmentFinder::scan(const ImageView& image, bool rows, int even, int least_contrast,
+                         Scan& scan) {
+  scan.start(rows ? image.width() : image.height());
+  scan.steps.find(image, rows, even, least_contrast);
+  scan.steps.for_each([&](int s, int t) { scan.read(image, rows, rows ? t : s, rows ? s : t); });
 }
 
 void SegmentFinder::keep(const Scan& scan, bool rows, double least_px) {
@@ -208,12 +166,12 @@ void SegmentFinder::keep(const Scan& scan, bool rows, double least_px) {
 const std::vector<Segment>& SegmentFinder::find(const ImageView& image, double least_px,
                                                 int least_contrast, Workers& workers) {
   segments_.clear();
-  if (std::min(image.width(), image.height()) <= kBefore + kBehind) return segments_;
+  if (std::min(image.width(), image.height()) <= StepMap::kBefore + StepMap::kBehind)
+    return segments_;
+  const bool few = scans_[0].steps.count_roughly(image, kEven, least_contrast) <= kFewSteps;
+  const int even = few ? kEven : kEvenInTexture;
   workers.share(scans_.size(), [&](std::size_t way, std::size_t) {
-    if (way == 0)
-      scan_rows(image, least_contrast, scans_[way]);
-    else
-      scan_columns(image, least_contrast, scans_[way]);
+    scan(image, way == 0, even, least_contrast, scans_[way]);
   });
   keep(scans_[0], true, least_px);
   keep(scans_[1], false, least_px);

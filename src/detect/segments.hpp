@@ -9,6 +9,7 @@
 
 #include <Eigen/Core>
 
+#include "detect/step_map.hpp"
 #include "detect/workers.hpp"
 #include "harco/image.hpp"
 
@@ -63,14 +64,11 @@ class SegmentFinder {
     void read(const ImageView& image, bool rows, int x, int y);
     float beside(const Step& before, const Step& step) const;
 
-    std::vector<std::uint64_t> bits;
+    StepMap steps;
     std::vector<Step> latest;  ///< the last one at each place along scan lines, one ahead
     std::vector<Chain> chains;
-    std::vector<std::array<int, 2>> steps, by_line;  ///< pixels that they follow
-    std::vector<std::size_t> ends;
   };
-  static void scan_rows(const ImageView& image, int least_contrast, Scan& scan);
-  static void scan_columns(const ImageView& image, int least_contrast, Scan& scan);
+  static void scan(const ImageView& image, bool rows, int even, int least_contrast, Scan& scan);
   void keep(const Scan& scan, bool rows, double least_px);
 
   std::array<Scan, 2> scans_;

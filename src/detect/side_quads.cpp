@@ -1,11 +1,10 @@
 #include "detect/side_quads.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <numbers>
-#include <numeric>
 #include <utility>
 
 #include <Eigen/Geometry>
@@ -15,7 +14,6 @@ namespace harco::detect {
 namespace {
 
 // Lines that take part; the search for quads grows with their fourth power at worst.
-constexpr std::size_t kMostSegments = 400;
 constexpr std::size_t kMostLines = 72;
 // Segments are parts of one line if their directions differ by less than this (radians) and their
 // ends lie no farther from it than this (pixels, and share of the distance).
@@ -46,20 +44,36 @@ bool same_light(const A& a, const B& b) {
 
 }  // namespace
 
+/// By a parabola for the arc tangent, not off by as much as a quarter.
 SideQuadFinder::Heading SideQuadFinder::heading_of(const Point& direction) {
-  const double turns = std::atan2(direction.y(), direction.x()) / (2.0 * std::numbers::pi);
-  return static_cast<Heading>(std::lround(256.0 * turns) & 255);
+  const double x = std::abs(direction.x());
+  const double y = std::abs(direction.y());
+  const double ratio = std::min(x, y) / std::max(x, y);
+  double turned = ratio * (32.0 + 11.12 * (1.0 - ratio));
+  if (y > x) turned = 64.0 - turned;
+  if (direction.x() < 0.0) turned = 128.0 - turned;
+  if (direction.y() < 0.0) turned = -turned;
+  return static_cast<Heading>(static_cast<int>(turned + 256.5) & 255);
 }
 
-/// (What is done for each pair is inline: shared libraries wouldn't let compilers do it otherwise.)
-/// Whether two directions may differ by less than kSameDirection, even if one of them changes by as
-/// much as that while segments are put together: told many times as fast as by themselves.
-inline bool SideQuadFinder::near(Heading a, Heading b) {
+/// Calls `visit` for each of `among` whose direction may differ from `heading` by less than
+/// kSameDirection, even if one of both changes by as much as that while segments are put together;
+/// in their order.
+template <typename Visit>
+void SideQuadFinder::for_each_near(Heading heading, const Members& among,
+                                   const Visit& visit) const {
   constexpr int kMost = 12;
-  return static_cast<Heading>(a - b + kMost) <= 2 * kMost;
+  for (std::size_t word = 0; 64 * word < parts_.size(); ++word) {
+    std::uint64_t near = 0;
+    for (int turn = -kMost; turn <= kMost; ++turn)
+      near |= by_heading_[static_cast<Heading>(heading + turn)][word];
+    for (near &= among[word]; near != 0; near &= near - 1)
+      visit(64 * word + static_cast<std::size_t>(std::countr_zero(near)));
+  }
 }
 
-/// Whether a segment lies along a line, whichever way.
+/// Whether a segment lies along a line, whichever way. (What is done for each pair is inline:
+/// shared libraries wouldn't let compilers do it otherwise.)
 inline bool SideQuadFinder::along(const Line& line, const Part& part) {
   if (std::abs(cross(line.direction, part.direction)) > kSameDirection) return false;
   const double reach = std::min(std::abs(line.direction.dot(part.segment.a - line.point)),
@@ -118,22 +132,28 @@ void SideQuadFinder::take_longest(const std::vector<Segment>& segments) {
   by_length_.clear();
   for (std::size_t i = 0; i < segments.size(); ++i)
     by_length_.emplace_back(-(segments[i].b - segments[i].a).squaredNorm(), i);
-  const std::size_t count = std::min(by_length_.size(), kMostSegments);
-  std::partial_sort(by_length_.begin(), by_length_.begin() + static_cast<std::ptrdiff_t>(count),
-                    by_length_.end());
+  if (by_length_.size() > kMostSegments) {
+    const auto end = by_length_.begin() + static_cast<std::ptrdiff_t>(kMostSegments);
+    std::nth_element(by_length_.begin(), end, by_length_.end());
+    by_length_.erase(end, by_length_.end());
+  }
+  std::sort(by_length_.begin(), by_length_.end());
   parts_.clear();
-  headings_.clear();
-  for (std::size_t i = 0; i < count; ++i) {
-    const Segment& segment = segments[by_length_[i].second];
-    parts_.push_back(
-        {segment, segment.direction(), segment.length(), segment.dark, segment.bright});
-    headings_.push_back(heading_of(parts_.back().direction));
+  by_heading_.fill({});
+  all_.fill(0);
+  for (const auto& [length, i] : by_length_) {
+    const Segment& segment = segments[i];
+    const Point direction = segment.direction();
+    const std::size_t word = parts_.size() / 64;
+    const std::uint64_t bit = std::uint64_t{1} << parts_.size() % 64;
+    by_heading_[heading_of(direction)][word] |= bit;
+    all_[word] |= bit;
+    parts_.push_back({segment, direction, segment.length(), segment.dark, segment.bright});
   }
 }
 
-/// The line of the longest segment that is left and of all others that lie along it.
-void SideQuadFinder::join_to_longest() {
-  const std::size_t seed = left_.front();
+/// The line of a segment, the longest one that is left, and of all others that lie along it.
+void SideQuadFinder::join_to(std::size_t seed) {
   const Part& first = parts_[seed];
   Line line;
   line.point = 0.5 * (first.segment.a + first.segment.b);
@@ -142,16 +162,13 @@ void SideQuadFinder::join_to_longest() {
   line.bright = first.bright;
   line.pieces = {stretches_.size(), stretches_.size()};
   LineFit fit;
-  std::size_t kept = 0;
-  for (const std::size_t i : left_)
-    if (i == seed || (near(headings_[i], headings_[seed]) && joins(line, parts_[i]))) {
-      members_.push_back(i);
-      fit.add(parts_[i]);
-      fit.solve(line);
-    } else {
-      left_[kept++] = i;
-    }
-  left_.resize(kept);
+  for_each_near(heading_of(first.direction), left_, [&](std::size_t i) {
+    if (i != seed && !joins(line, parts_[i])) return;
+    members_.push_back(i);
+    left_[i / 64] &= ~(std::uint64_t{1} << i % 64);
+    fit.add(parts_[i]);
+    fit.solve(line);
+  });
   for (const std::size_t member : members_) {
     const Segment& segment = parts_[member].segment;
     stretches_.push_back(
@@ -166,13 +183,12 @@ void SideQuadFinder::join_to_longest() {
 
 void SideQuadFinder::find_opposed(Line& line) {
   line.opposed.begin = stretches_.size();
-  const Heading back = heading_of(-line.direction);
-  for (std::size_t i = 0; i < parts_.size(); ++i) {
+  for_each_near(heading_of(-line.direction), all_, [&](std::size_t i) {
+    if (!opposes(line, parts_[i])) return;
     const Segment& segment = parts_[i].segment;
-    if (near(headings_[i], back) && opposes(line, parts_[i]))
-      stretches_.push_back(
-          {line.direction.dot(segment.b - line.point), line.direction.dot(segment.a - line.point)});
-  }
+    stretches_.push_back(
+        {line.direction.dot(segment.b - line.point), line.direction.dot(segment.a - line.point)});
+  });
   line.opposed.end = stretches_.size();
 }
 
@@ -180,9 +196,10 @@ void SideQuadFinder::find_opposed(Line& line) {
 void SideQuadFinder::merge() {
   lines_.clear();
   stretches_.clear();
-  left_.resize(parts_.size());
-  std::iota(left_.begin(), left_.end(), std::size_t{0});
-  while (!left_.empty()) join_to_longest();
+  left_ = all_;
+  for (std::size_t word = 0; word < left_.size(); ++word)
+    while (left_[word] != 0)
+      join_to(64 * word + static_cast<std::size_t>(std::countr_zero(left_[word])));
   std::sort(lines_.begin(), lines_.end(), [](const Line& a, const Line& b) {
     return std::pair(-a.length, a.pieces.begin) < std::pair(-b.length, b.pieces.begin);
   });

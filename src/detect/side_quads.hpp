@@ -1,6 +1,7 @@
 // Squares of which only parts of the sides are seen.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -38,6 +39,10 @@ class SideQuadFinder {
  private:
   /// A direction in 256ths of a turn.
   using Heading = std::uint8_t;
+  // Segments that take part.
+  static constexpr std::size_t kMostSegments = 400;
+  /// Some of them, a bit each.
+  using Members = std::array<std::uint64_t, (kMostSegments + 63) / 64>;
   /// A segment with what is asked of it often.
   struct Part {
     Segment segment;
@@ -71,13 +76,14 @@ class SideQuadFinder {
   class LineFit;
 
   static Heading heading_of(const Point& direction);
-  static bool near(Heading a, Heading b);
+  template <typename Visit>
+  void for_each_near(Heading heading, const Members& among, const Visit& visit) const;
   static bool along(const Line& line, const Part& part);
   static bool joins(const Line& line, const Part& part);
   static bool opposes(const Line& line, const Part& part);
   void take_longest(const std::vector<Segment>& segments);
   void merge();
-  void join_to_longest();
+  void join_to(std::size_t seed);
   void find_opposed(Line& line);
   double within(const Range& stretches, double from, double to) const;
   bool ends_by(const Line& line, double at) const;
@@ -93,9 +99,9 @@ class SideQuadFinder {
   double least_side_px_ = 0.0;
   std::optional<Eigen::Matrix3d> calibration_;
   std::vector<std::pair<double, std::size_t>> by_length_;
-  std::vector<Part> parts_;           // the longest one first
-  std::vector<Heading> headings_;     // of them
-  std::vector<std::size_t> left_;     // of them, in no line yet
+  std::vector<Part> parts_;  // the longest one first
+  std::array<Members, 256> by_heading_{};
+  Members all_{}, left_{};            // those in no line yet
   std::vector<std::size_t> members_;  // of one line
   std::vector<Stretch> stretches_;
   std::vector<Line> lines_;  // the longest one first

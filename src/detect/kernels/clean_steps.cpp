@@ -1,7 +1,7 @@
 #include "detect/kernels/clean_steps.hpp"
 
 #include <algorithm>
-#include <cstdlib>
+#include <cstddef>
 
 // Highway compiles this file once for every instruction set.
 #undef HWY_TARGET_INCLUDE
@@ -15,40 +15,50 @@ namespace harco::detect::kernels::HWY_NAMESPACE {
 
 #if HWY_TARGET == HWY_SCALAR
 
-void clean_steps_simd(const SixSamples& samples, int count, int least_contrast,
-                      std::uint8_t* bits) {
-  clean_steps_scalar(samples, count, least_contrast, bits);
+void clean_steps_simd(const EightSamples& samples, int even, int count, int least_contrast,
+                      std::uint8_t* rising, std::uint8_t* falling) {
+  clean_steps_scalar(samples, even, count, least_contrast, rising, falling);
 }
 
 #else
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-void clean_steps_simd(const SixSamples& samples, int count, int least_contrast,
-                      std::uint8_t* HWY_RESTRICT bits) {
+template <bool kThreeEven>
+void clean_steps_of(const EightSamples& samples, int count, int least_contrast,
+                    std::uint8_t* HWY_RESTRICT rising, std::uint8_t* HWY_RESTRICT falling) {
+  constexpr int kEven = kThreeEven ? 3 : 2;
   const hn::CappedTag<std::uint8_t, 64> bytes;
   const int lanes = static_cast<int>(hn::Lanes(bytes));
   const int whole = count / 8 * 8;  // bits of whole bytes
   if (whole < lanes) {
-    clean_steps_scalar(samples, count, least_contrast, bits);
+    clean_steps_scalar(samples, kEven, count, least_contrast, rising, falling);
     return;
   }
   const auto too_little = hn::Set(bytes, static_cast<std::uint8_t>(least_contrast - 1));
   for (int i = 0; i < whole; i += lanes) {
     const int at = std::min(i, whole - lanes);
-    const auto a = hn::LoadU(bytes, samples[0] + at);
-    const auto b = hn::LoadU(bytes, samples[1] + at);
-    const auto c = hn::LoadU(bytes, samples[2] + at);
-    const auto d = hn::LoadU(bytes, samples[3] + at);
-    const auto e = hn::LoadU(bytes, samples[4] + at);
-    const auto f = hn::LoadU(bytes, samples[5] + at);
-    const auto low_before = hn::Min(a, b);
-    const auto high_before = hn::Max(a, b);
-    const auto low_behind = hn::Min(e, f);
-    const auto high_behind = hn::Max(e, f);
+    const auto b = hn::LoadU(bytes, samples[2] + at);
+    const auto c = hn::LoadU(bytes, samples[3] + at);
+    const auto d = hn::LoadU(bytes, samples[4] + at);
+    const auto e = hn::LoadU(bytes, samples[5] + at);
+    const auto before = hn::LoadU(bytes, samples[1] + at);
+    const auto behind = hn::LoadU(bytes, samples[6] + at);
+    auto low_before = hn::Min(before, b);
+    auto high_before = hn::Max(before, b);
+    auto low_behind = hn::Min(e, behind);
+    auto high_behind = hn::Max(e, behind);
+    if constexpr (kThreeEven) {
+      const auto first = hn::LoadU(bytes, samples[0] + at);
+      const auto last = hn::LoadU(bytes, samples[7] + at);
+      low_before = hn::Min(first, low_before);
+      high_before = hn::Max(first, high_before);
+      low_behind = hn::Min(last, low_behind);
+      high_behind = hn::Max(last, high_behind);
+    }
     // One of both is zero.
-    const auto contrast = hn::Max(hn::SaturatedSub(low_behind, high_before),
-                                  hn::SaturatedSub(low_before, high_behind));
+    const auto up = hn::SaturatedSub(low_behind, high_before);
+    const auto down = hn::SaturatedSub(low_before, high_behind);
     const auto uneven = hn::Max(hn::Sub(high_before, low_before), hn::Sub(high_behind, low_behind));
     const auto twice = hn::SaturatedAdd(uneven, uneven);
     const auto four_times = hn::SaturatedAdd(twice, twice);
@@ -56,13 +66,23 @@ void clean_steps_simd(const SixSamples& samples, int count, int least_contrast,
     const auto middle = hn::Sub(hn::Or(b, e), hn::ShiftRight<1>(hn::Xor(b, e)));
     const auto passed = hn::Or(hn::And(hn::Lt(c, middle), hn::Not(hn::Lt(d, middle))),
                                hn::And(hn::Lt(d, middle), hn::Not(hn::Lt(c, middle))));
-    const auto clean = hn::And(hn::Gt(contrast, too_little), hn::Not(hn::Gt(four_times, contrast)));
-    hn::StoreMaskBits(bytes, hn::And(clean, passed), bits + at / 8);
+    const auto clean = hn::And(passed, hn::Not(hn::Gt(four_times, hn::Max(up, down))));
+    hn::StoreMaskBits(bytes, hn::And(clean, hn::Gt(up, too_little)), rising + at / 8);
+    hn::StoreMaskBits(bytes, hn::And(clean, hn::Gt(down, too_little)), falling + at / 8);
   }
   if (whole == count) return;
-  SixSamples rest = samples;
+  EightSamples rest = samples;
   for (const std::uint8_t*& sample : rest) sample += whole;
-  clean_steps_scalar(rest, count - whole, least_contrast, bits + whole / 8);
+  clean_steps_scalar(rest, kEven, count - whole, least_contrast, rising + whole / 8,
+                     falling + whole / 8);
+}
+
+void clean_steps_simd(const EightSamples& samples, int even, int count, int least_contrast,
+                      std::uint8_t* rising, std::uint8_t* falling) {
+  if (even == 3)
+    clean_steps_of<true>(samples, count, least_contrast, rising, falling);
+  else
+    clean_steps_of<false>(samples, count, least_contrast, rising, falling);
 }
 
 #endif
@@ -75,26 +95,29 @@ namespace harco::detect::kernels {
 
 HWY_EXPORT(clean_steps_simd);
 
-void clean_steps(const SixSamples& samples, int count, int least_contrast, std::uint8_t* bits) {
-  HWY_DYNAMIC_DISPATCH(clean_steps_simd)(samples, count, least_contrast, bits);
+void clean_steps(const EightSamples& samples, int even, int count, int least_contrast,
+                 std::uint8_t* rising, std::uint8_t* falling) {
+  HWY_DYNAMIC_DISPATCH(clean_steps_simd)(samples, even, count, least_contrast, rising, falling);
 }
 
-void clean_steps_scalar(const SixSamples& samples, int count, int least_contrast,
-                        std::uint8_t* bits) {
-  const auto clean = [&](int i) {
-    const auto& [a, b, c, d, e, f] = samples;
-    const int up = std::min(e[i], f[i]) - std::max(a[i], b[i]);
-    const int down = std::min(a[i], b[i]) - std::max(e[i], f[i]);
+void clean_steps_scalar(const EightSamples& samples, int even, int count, int least_contrast,
+                        std::uint8_t* rising, std::uint8_t* falling) {
+  std::fill_n(rising, (count + 7) / 8, std::uint8_t{0});
+  std::fill_n(falling, (count + 7) / 8, std::uint8_t{0});
+  for (int i = 0; i < count; ++i) {
+    const auto grey = [&](int k) { return int{samples[static_cast<std::size_t>(k)][i]}; };
+    const auto [low_before, high_before] = std::minmax({grey(3 - even), grey(1), grey(2)});
+    const auto [low_behind, high_behind] = std::minmax({grey(5), grey(6), grey(4 + even)});
+    const int up = low_behind - high_before;
+    const int down = low_before - high_behind;
     const int contrast = std::max(up, down);
-    const int uneven = std::max(std::abs(a[i] - b[i]), std::abs(e[i] - f[i]));
-    const int middle = (b[i] + e[i] + 1) / 2;
-    return contrast >= least_contrast && 4 * uneven <= contrast &&
-           (c[i] < middle) != (d[i] < middle);
-  };
-  for (int i = 0; i < count; i += 8) {
-    unsigned byte = 0;
-    for (int k = i; k < std::min(i + 8, count); ++k) byte |= (clean(k) ? 1U : 0U) << (k - i);
-    bits[i / 8] = static_cast<std::uint8_t>(byte);
+    const int uneven = std::max(high_before - low_before, high_behind - low_behind);
+    const int middle = (grey(2) + grey(5) + 1) / 2;
+    if (contrast < least_contrast || 4 * uneven > contrast ||
+        (grey(3) < middle) == (grey(4) < middle))
+      continue;
+    std::uint8_t& byte = (up > down ? rising : falling)[i / 8];
+    byte = static_cast<std::uint8_t>(byte | 1U << i % 8);
   }
 }
 
