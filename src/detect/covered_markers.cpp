@@ -86,13 +86,14 @@ const std::vector<Recovered>& CoveredMarkers::find(const ImageView& image, const
                                                    DetectionTrace* trace) {
   const auto pixels =
       static_cast<std::size_t>(image.width()) * static_cast<std::size_t>(image.height());
-  pyramid_.build(image);
+  pyramid_.build(image, 2);
   const std::size_t most = std::min(kLeastSquares + pixels / kPixelsASquare, kMostSquares);
   // One more tells whether there are more.
   const std::vector<SideQuad>& seen =
       covered_.find(pyramid_, lens, search.least_side_px, search.least_contrast, most + 1,
                     search.calibration, workers, trace);
   choose_squares(quads, seen, search.least_side_px, most);
+  if (!squares_.empty()) pyramid_.extend();
   const std::size_t sizes = recoveries_.front().sizes();
   glimpses_.resize(sizes * squares_.size());
   workers.share(glimpses_.size(), [&](std::size_t i, std::size_t worker) {

@@ -6,9 +6,14 @@
 
 namespace harco::detect {
 
-void Pyramid::build(const ImageView& image) {
+void Pyramid::build(const ImageView& image, int most) {
   whole_ = image;
-  for (levels_ = 1; levels_ < kLevels; ++levels_) {
+  levels_ = 1;
+  extend(most);
+}
+
+void Pyramid::extend(int most) {
+  for (; levels_ < most; ++levels_) {
     const ImageView larger = level(levels_ - 1);
     const int width = larger.width() / 2;
     const int height = larger.height() / 2;

@@ -13,12 +13,14 @@ class Pyramid {
  public:
   static constexpr int kLevels = 5;
 
-  /// The pixels have to stay where they are for as long as the pyramid is used.
-  void build(const ImageView& image);
+  /// The pixels have to stay where they are for as long as the pyramid is used. So many levels at
+  /// most; more of them later, by extend().
+  void build(const ImageView& image, int most = kLevels);
+  void extend(int most = kLevels);
 
   /// Level 0 is the picture itself; each pixel of a level is the mean of four of the one below.
   ImageView level(int k) const;
-  int levels() const { return levels_; }  ///< that hold at least one pixel
+  int levels() const { return levels_; }  ///< built; all of them hold at least one pixel
 
   /// A point of the picture in pixels of a level, and the other way round.
   static Eigen::Vector2d in_level(const Eigen::Vector2d& point, int k) {

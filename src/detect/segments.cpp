@@ -11,7 +11,7 @@ constexpr int kApart = StepMap::kApart;
 // things that cover the rest show as well. Before texture, three find more markers than two: of
 // texture there is a third of the steps.
 constexpr int kEven = 2, kEvenInTexture = 3;
-constexpr int kFewSteps = 1500;  // along rows
+constexpr int kFewSteps = 700;  // along rows
 // A step belongs to an edge if it lies within this of where the edge goes on, in pixels, and if its
 // levels differ by no more than this share of the contrast.
 constexpr float kBeside = 0.5F;
