@@ -34,15 +34,18 @@ inline double SegmentFinder::Chain::slope() const {
 }
 
 inline double SegmentFinder::Chain::place_at(int s) const {
-  return static_cast<double>(first.t) + sum_t / count + slope() * (s - first.s - sum_s / count);
+  return static_cast<double>(first_t) + sum_t / count + slope() * (s - first_s - sum_s / count);
 }
 
 inline void SegmentFinder::Chain::add(const Step& step) {
-  if (count == 0) first = step;
-  last = step;
+  if (count == 0) {
+    first_s = step.s;
+    first_t = step.t;
+  }
+  last_s = step.s;
   ++count;
-  const double s = step.s - first.s;
-  const double t = static_cast<double>(step.t) - static_cast<double>(first.t);
+  const double s = step.s - first_s;
+  const double t = static_cast<double>(step.t) - static_cast<double>(first_t);
   sum_s += s;
   sum_t += t;
   sum_ss += s * s;
@@ -59,18 +62,14 @@ void SegmentFinder::Scan::start(int places) {
 }
 
 /// How far a step lies beside where the edge of an earlier one goes on.
-inline float SegmentFinder::Scan::beside(const Step& before, const Step& step) const {
-  constexpr int kEnough = 4;  // steps, for their places to tell more than their gradients
-  const Chain* chain = before.chain < 0 ? nullptr : &chains[static_cast<std::size_t>(before.chain)];
-  const float place =
-      chain && chain->count >= kEnough
-          ? static_cast<float>(chain->place_at(step.s))
-          : before.t + 0.5F * (before.slope + step.slope) * static_cast<float>(step.s - before.s);
-  return std::abs(place - step.t);
+inline float SegmentFinder::beside(const Step& before, const Step& step) {
+  const float lean = before.lean + before.unsure * (step.slope - before.lean);
+  return std::abs(before.at + lean * static_cast<float>(step.s - before.s) - step.t);
 }
 
 /// Adds the step to the edge that it continues, if there is one.
 inline void SegmentFinder::Scan::link(Step& step) {
+  constexpr int kEnough = 4;  // steps, for their places to tell more than their gradients
   const auto most = static_cast<float>(latest.size() - 3);
   const int slack = static_cast<int>(kLevelShare * std::abs(step.twice_behind - step.twice_before));
   Step* before = nullptr;
@@ -90,13 +89,21 @@ inline void SegmentFinder::Scan::link(Step& step) {
       before = other;
     }
   }
+  step.at = step.t;
+  step.lean = step.slope;
   if (before) {
     if (before->chain < 0) {
       before->chain = static_cast<int>(chains.size());
       chains.emplace_back().add(*before);
     }
     step.chain = before->chain;
-    chains[static_cast<std::size_t>(step.chain)].add(step);
+    Chain& chain = chains[static_cast<std::size_t>(step.chain)];
+    chain.add(step);
+    if (chain.count >= kEnough) {
+      step.at = static_cast<float>(chain.place_at(step.s));
+      step.lean = static_cast<float>(chain.slope());
+      step.unsure = 0.0F;
+    }
   }
   latest[static_cast<std::size_t>(std::clamp(step.t, 0.0F, most)) + 1] = step;
 }
@@ -135,7 +142,7 @@ void SegmentFinder::scan(const ImageView& image, bool rows, int even, int least_
 
 void SegmentFinder::keep(const Scan& scan, bool rows, double least_px) {
   for (const Chain& chain : scan.chains) {
-    const int span = chain.last.s - chain.first.s;
+    const int span = chain.last_s - chain.first_s;
     const int lines = span / kApart + 1;
     if (chain.count < kLeastSteps || chain.count < kLeastShare * lines) continue;
     const double slope = chain.slope();
@@ -156,7 +163,7 @@ void SegmentFinder::keep(const Scan& scan, bool rows, double least_px) {
     };
     const double before = 0.5 * chain.sum_before / n;
     const double behind = 0.5 * chain.sum_behind / n;
-    Segment segment{at(chain.first.s), at(chain.last.s), std::min(before, behind),
+    Segment segment{at(chain.first_s), at(chain.last_s), std::min(before, behind),
                     std::max(before, behind)};
     if (rows != (before < behind)) std::swap(segment.a, segment.b);
     segments_.push_back(segment);

@@ -45,11 +45,15 @@ class SegmentFinder {
     float t = 0.0F;
     float slope = 0.0F;                               ///< of the edge, dt / ds, by the gradient
     std::int16_t twice_before = 0, twice_behind = 0;  ///< the levels of both sides
+    // How its edge goes on: from `at` with the slope `lean`, so much of which is to be told anew by
+    // the next step's own slope.
+    float at = 0.0F, lean = 0.0F, unsure = 0.5F;
   };
   /// Two steps and more that go on straight.
   struct Chain {
-    Step first, last;
     int count = 0;
+    int first_s = 0, last_s = 0;
+    float first_t = 0.0F;
     // Of all steps, counted from the first one.
     double sum_s = 0.0, sum_t = 0.0, sum_ss = 0.0, sum_st = 0.0, sum_tt = 0.0;
     int sum_before = 0, sum_behind = 0;  ///< of twice the levels
@@ -62,12 +66,12 @@ class SegmentFinder {
     void start(int places);
     void link(Step& step);
     void read(const ImageView& image, bool rows, int x, int y);
-    float beside(const Step& before, const Step& step) const;
 
     StepMap steps;
     std::vector<Step> latest;  ///< the last one at each place along scan lines, one ahead
     std::vector<Chain> chains;
   };
+  static float beside(const Step& before, const Step& step);
   static void scan(const ImageView& image, bool rows, int even, int least_contrast, Scan& scan);
   void keep(const Scan& scan, bool rows, double least_px);
 
