@@ -18,6 +18,11 @@ namespace harco::detect::kernels {
 // Pixels on one side of an end and the end itself.
 constexpr std::int32_t kHalf = (1 << (kWalkReach + 1)) - 1;
 
+// Beside the index of a region, as one number.
+constexpr std::int32_t kLeftInwards = 1 << 30;
+constexpr std::int32_t kRightInwards = 1 << 29;
+constexpr std::int32_t kIndex = kRightInwards - 1;
+
 /// How much a side may go out again.
 constexpr int walk_tolerance(int height) { return 2 + height / 16; }
 
@@ -48,13 +53,12 @@ constexpr std::size_t kTogether = 1024;
 constexpr std::size_t kMostLanes = HWY_LANES(std::int32_t);
 struct Walks {
   using List = std::int32_t[kTogether + kMostLanes];
-  alignas(64) List offset;       // of the row above, in bytes
-  alignas(64) List rows_left;    // down to the image's border
-  alignas(64) List left, right;  // ends in the row above
-  alignas(64) List left_extreme, right_extreme, left_inwards, right_inwards;  // as for a Side
-  alignas(64) List least, most;                                               // of all ends
+  alignas(64) List offset;                       // of the row above, in bytes
+  alignas(64) List left, right;                  // ends in the row above
+  alignas(64) List left_extreme, right_extreme;  // as for a Side
+  alignas(64) List least, most;                  // of all ends
   alignas(64) List area;
-  alignas(64) List index;
+  alignas(64) List index;  // and, as the highest bits, whether the sides go inwards
 };
 
 HWY_INLINE Lane load(const Walks::List& list, std::size_t at) {
@@ -99,14 +103,14 @@ HWY_INLINE Lane one_at(Lane bit) {
 HWY_INLINE Lane lowest_one(Lane bits) { return hn::And(bits, hn::Neg(bits)); }
 
 /// One side, which counts outwards: false where it goes out again after it has come in.
-HWY_INLINE Mask goes_on(Lane at, Lane tolerance, Lane& extreme, Lane& inwards) {
-  const auto is_inwards = hn::MaskFromVec(inwards);
+HWY_INLINE Mask goes_on(Lane at, Lane tolerance, Lane& extreme, Mask& inwards) {
+  const auto is_inwards = inwards;
   const auto turns = hn::AndNot(is_inwards, hn::Lt(at, hn::Sub(extreme, tolerance)));
   const auto fine = hn::Not(hn::And(is_inwards, hn::Gt(at, hn::Add(extreme, tolerance))));
   const auto farther = hn::Or(turns, hn::And(is_inwards, hn::Lt(at, extreme)));
   const auto outer = hn::AndNot(is_inwards, hn::Gt(at, extreme));
   extreme = hn::IfThenElse(hn::Or(farther, outer), at, extreme);
-  inwards = hn::Or(inwards, hn::VecFromMask(kLanes, turns));
+  inwards = hn::Or(inwards, turns);
   return fine;
 }
 
@@ -128,8 +132,10 @@ void walk_together(const RegionMap& map, Walks& walks, std::size_t count, std::u
   const auto flip = hn::Set(kLanes, map.dark ? 0 : -1);
   const auto stride = hn::Set(kLanes, static_cast<std::int32_t>(map.stride));
   const auto last = hn::Set(kLanes, map.width - 1);
+  const auto end = hn::Set(kLanes, static_cast<std::int32_t>(map.height * map.stride));
+  const auto left_flag = hn::Set(kLanes, kLeftInwards);
+  const auto right_flag = hn::Set(kLanes, kRightInwards);
   for (int rows = 1; count > 0 && rows < kWalkRows; ++rows) {
-    const auto row_count = hn::Set(kLanes, rows);
     const auto height = hn::Set(kLanes, rows * map.row_step);
     const auto tolerance = hn::Set(kLanes, walk_tolerance(rows * map.row_step));
     std::size_t kept = 0;
@@ -137,7 +143,6 @@ void walk_together(const RegionMap& map, Walks& walks, std::size_t count, std::u
       const auto real = hn::FirstN(kLanes, count - at);
       const auto above = load(walks.offset, at);
       const auto here = hn::Add(above, stride);
-      const auto rows_left = load(walks.rows_left, at);
       const auto low = hn::Sub(load(walks.left, at), touch);
       const auto high = hn::Add(load(walks.right, at), touch);
 
@@ -181,7 +186,7 @@ void walk_together(const RegionMap& map, Walks& walks, std::size_t count, std::u
       const auto wide = at_least(area, hn::Set(kLanes, map.least_area));
       area = hn::Add(area, hn::Add(hn::Sub(right, left), one));
 
-      const auto bottom = at_least(row_count, rows_left);
+      const auto bottom = at_least(here, end);
       // Pixels farther out than the first free one don't count.
       const auto up_to_free = hn::Sub(hn::ShiftLeft<1>(one_at(first_free)), one);
       const auto tall_met = hn::Or(hn::AndNot(up_to_free, tall_out),
@@ -189,8 +194,9 @@ void walk_together(const RegionMap& map, Walks& walks, std::size_t count, std::u
       const auto border = hn::Or(hn::Lt(left, one), at_least(right, last));
       auto left_extreme = load(walks.left_extreme, at);
       auto right_extreme = load(walks.right_extreme, at);
-      auto left_inwards = load(walks.left_inwards, at);
-      auto right_inwards = load(walks.right_inwards, at);
+      auto index = load(walks.index, at);
+      auto left_inwards = hn::TestBit(index, left_flag);
+      auto right_inwards = hn::TestBit(index, right_flag);
       const auto convex = hn::And(goes_on(hn::Neg(left), tolerance, left_extreme, left_inwards),
                                   goes_on(right, tolerance, right_extreme, right_inwards));
       least = hn::Min(least, left);
@@ -202,19 +208,17 @@ void walk_together(const RegionMap& map, Walks& walks, std::size_t count, std::u
       const auto stays =
           hn::AndNot(met, hn::And(seen, hn::Or(far, hn::And(closed, hn::And(large, wide)))));
       const auto walks_on = hn::AndNot(hn::Or(hn::Or(far, closed), hn::Or(given_up, met)), seen);
-      const auto index = load(walks.index, at);
       alignas(64) std::int32_t who[kMostLanes];
       store_kept(index, stays, who);
       const std::size_t staying = hn::CountTrue(kLanes, stays);
-      for (std::size_t i = 0; i < staying; ++i) survives[who[i]] = 1;
+      for (std::size_t i = 0; i < staying; ++i) survives[who[i] & kIndex] = 1;
+      index = hn::Or(index, hn::Or(hn::IfThenElseZero(left_inwards, left_flag),
+                                   hn::IfThenElseZero(right_inwards, right_flag)));
       store_kept(here, walks_on, walks.offset + kept);
-      store_kept(rows_left, walks_on, walks.rows_left + kept);
       store_kept(left, walks_on, walks.left + kept);
       store_kept(right, walks_on, walks.right + kept);
       store_kept(left_extreme, walks_on, walks.left_extreme + kept);
       store_kept(right_extreme, walks_on, walks.right_extreme + kept);
-      store_kept(left_inwards, walks_on, walks.left_inwards + kept);
-      store_kept(right_inwards, walks_on, walks.right_inwards + kept);
       store_kept(least, walks_on, walks.least + kept);
       store_kept(most, walks_on, walks.most + kept);
       store_kept(area, walks_on, walks.area + kept);
@@ -226,7 +230,7 @@ void walk_together(const RegionMap& map, Walks& walks, std::size_t count, std::u
       hn::StoreU(zero, kLanes, *list + kept);
     count = kept;
   }
-  for (std::size_t i = 0; i < count; ++i) survives[walks.index[i]] = 1;
+  for (std::size_t i = 0; i < count; ++i) survives[walks.index[i] & kIndex] = 1;
 }
 
 void walk_regions_simd(const RegionMap& map, const RegionStart* starts, std::size_t count,
@@ -239,12 +243,10 @@ void walk_regions_simd(const RegionMap& map, const RegionStart* starts, std::siz
     for (std::size_t i = 0; i < together + kMostLanes; ++i) {
       const RegionStart& start = starts[first + std::min(i, together - 1)];
       walks.offset[i] = static_cast<std::int32_t>(start.y * map.stride);
-      walks.rows_left[i] = map.height - start.y;
       walks.left[i] = walks.least[i] = start.left;
       walks.right[i] = walks.most[i] = walks.right_extreme[i] = start.right;
       walks.left_extreme[i] = -start.left;
       walks.area[i] = start.right - start.left + 1;
-      walks.left_inwards[i] = walks.right_inwards[i] = 0;
       walks.index[i] = static_cast<std::int32_t>(i);
     }
     walk_together(map, walks, together, survives + first);
