@@ -16,6 +16,7 @@
 #include "detect/kernels/clean_steps.hpp"
 #include "detect/kernels/dark_bits.hpp"
 #include "detect/kernels/halve.hpp"
+#include "detect/kernels/outline.hpp"
 #include "detect/kernels/region_tops.hpp"
 #include "detect/kernels/region_walk.hpp"
 #include "detect/kernels/spread_bits.hpp"
@@ -209,6 +210,74 @@ TEST(Kernels, WaysDownAreTheSameOnEveryTarget) {
             ASSERT_EQ(ways, by_hand) << words;
           }
     }
+  });
+}
+
+/// The ends of a region's rows, with what kernels may read beyond.
+struct Ends {
+  std::vector<std::int32_t> left, right;
+  Outline outline(int row_step) {
+    Outline outline{left.data(), right.data(), static_cast<int>(left.size()), row_step, 0};
+    outline.columns = *std::max_element(right.begin(), right.end()) -
+                      *std::min_element(left.begin(), left.end()) + 1;
+    left.resize(left.size() + 64, 99999);
+    right.resize(right.size() + 64, -99999);
+    outline.left = left.data();
+    outline.right = right.data();
+    return outline;
+  }
+};
+
+// Of five rows: one pixel, three, seven, three, one. From its middle, (15, 2), the lower right
+// corner of the middle row is farthest; farthest from that is the row's upper left one.
+TEST(Kernels, OutlineKnownByHand) {
+  Ends ends{{15, 14, 12, 14, 15}, {15, 16, 18, 16, 15}};
+  const Outline outline = ends.outline(1);
+  const OutlineCorners expected{{{19, 3}, {15, 5}, {12, 2}, {16, 0}}};
+  on_every_target([&] {
+    EXPECT_EQ(outline_corners(outline), expected);
+    // Half way down, the middle row's ends lie beyond the steep sides by 3 over twice their
+    // length; those of the rows beside lie within the flat ones by 4.
+    EXPECT_TRUE(outline_keeps_to(outline, expected, {4, 3, 4, 3}));
+    EXPECT_FALSE(outline_keeps_to(outline, expected, {4, 2, 4, 3}));
+    EXPECT_FALSE(outline_keeps_to(outline, expected, {3, 3, 4, 3}));
+  });
+}
+
+TEST(Kernels, OutlinesAreTheSameOnEveryTarget) {
+  on_every_target([] {
+    std::mt19937 random(11);
+    const auto up_to = [&](int most) {
+      return static_cast<int>(random() % static_cast<unsigned>(most + 1));
+    };
+    int kept = 0;
+    for (int round = 0; round < 600; ++round) {
+      // A quadrilateral of about four sides, rough by some pixels.
+      const int rows = 1 + up_to(90);
+      const int rough = up_to(2);
+      Ends ends;
+      const int middle = 100 + up_to(50);
+      const int bulge_left = up_to(rows);
+      const int bulge_right = up_to(rows);
+      const int left_slope = 1 + up_to(2);
+      const int right_slope = 1 + up_to(2);
+      for (int row = 0; row < rows; ++row) {
+        const int left = left_slope * (std::min(row, 2 * bulge_left - row) + 1);
+        const int right = right_slope * (std::min(row, 2 * bulge_right - row) + 1);
+        ends.left.push_back(middle - std::max(left, 0) - up_to(rough));
+        ends.right.push_back(middle + std::max(right, 0) + up_to(rough));
+      }
+      const Outline outline = ends.outline(1 + up_to(1));
+      const OutlineCorners corners = outline_corners(outline);
+      ASSERT_EQ(corners, outline_corners_scalar(outline)) << round;
+      OutlineSlack slack;
+      for (std::int32_t& side : slack) side = up_to(3000);
+      const bool keeps = outline_keeps_to(outline, corners, slack);
+      ASSERT_EQ(keeps, outline_keeps_to_scalar(outline, corners, slack)) << round;
+      kept += keeps;
+    }
+    EXPECT_GT(kept, 50);
+    EXPECT_LT(kept, 550);
   });
 }
 

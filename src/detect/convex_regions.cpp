@@ -116,6 +116,21 @@ class Side {
   bool inwards_ = false;
 };
 
+/// How far an outline may lie beside the sides between some corners.
+kernels::OutlineSlack slack_of(const kernels::OutlineCorners& corners) {
+  // Steps of pixels, noise and rounded corners, and what lenses bend long sides by.
+  constexpr float kStray = 2.6F;
+  constexpr float kBend = 0.05F;
+  kernels::OutlineSlack slack;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto x = static_cast<float>(corners[(i + 1) % 4].x - corners[i].x);
+    const auto y = static_cast<float>(corners[(i + 1) % 4].y - corners[i].y);
+    const float length = std::sqrt(x * x + y * y);
+    slack[i] = static_cast<std::int32_t>(2.0F * std::max(length, 1.0F) * (kStray + kBend * length));
+  }
+  return slack;
+}
+
 }  // namespace
 
 void ConvexRegions::start(const Threshold& threshold, std::size_t level,
@@ -165,7 +180,9 @@ void ConvexRegions::start_rows(int first_row, int end_row) {
   first_row_ = std::max(1, first_row);
   starts_.clear();
   next_start_ = 0;
-  ends_.resize(static_cast<std::size_t>(rows()));
+  constexpr std::size_t kRead = 64;  // beyond the last, by kernels
+  for (auto* ends : {&left_ends_, &right_ends_})
+    ends->resize(static_cast<std::size_t>(rows()) + kRead);
   const int words = map_->words_in_row();
   for (auto* tops : {&top_ends_, &top_open_}) tops->resize(static_cast<std::size_t>(words));
   tops_in_.resize(static_cast<std::size_t>(words + 63) / 64);
@@ -316,7 +333,8 @@ bool ConvexRegions::may_be_convex(const kernels::RegionStart& start, RegionTop& 
   int least = left;
   int most = right;
   std::int64_t area = 0;
-  ends_[0] = {left, right};
+  left_ends_[0] = left;
+  right_ends_[0] = right;
   int rows = 1;
   for (;; ++rows) {
     area += right - left + 1;
@@ -338,7 +356,8 @@ bool ConvexRegions::may_be_convex(const kernels::RegionStart& start, RegionTop& 
     if (!left_convex || !right_convex) return false;
     least = std::min(least, left);
     most = std::max(most, right);
-    ends_[static_cast<std::size_t>(rows)] = {left, right};
+    left_ends_[static_cast<std::size_t>(rows)] = left;
+    right_ends_[static_cast<std::size_t>(rows)] = right;
   }
   top = {start.left, start.y * step_, kDark, most - least + 1, rows * step_};
   if (std::min(top.rows, top.columns) < limits_.least_extent) return false;
@@ -369,9 +388,9 @@ bool ConvexRegions::is_news(const RegionTop& top) const {
   const int rows = top.rows / step_;
   int news = 0;
   for (int row = 0; row < rows; ++row) {
-    const Ends& ends = ends_[static_cast<std::size_t>(row)];
+    const auto at = static_cast<std::size_t>(row);
     const int y = top.y + row * step_;
-    news += known_->dark(ends.left - 1, y) || known_->dark(ends.right + 1, y);
+    news += known_->dark(left_ends_[at] - 1, y) || known_->dark(right_ends_[at] + 1, y);
   }
   return 8 * news >= rows;
 }
@@ -381,102 +400,26 @@ bool ConvexRegions::is_news(const RegionTop& top) const {
 /// and by how far the outline strays from the sides.
 bool ConvexRegions::outlines_quad(std::int64_t area, const RegionTop& top) const {
   if (static_cast<double>(area) < limits_.least_area) return false;
-  const int rows = top.rows / step_;
-  // Corners of pixels, x from the image's border and y from the region's top. Of the four of a row
-  // the one that counts is known beforehand.
-  const auto farthest_from = [&](int from_x, int from_y) {
-    Corner best{from_x, from_y};
-    std::int64_t most = -1;
-    for (int row = 0; row < rows; ++row) {
-      const Ends& ends = ends_[static_cast<std::size_t>(row)];
-      const bool to_left = from_x - ends.left >= ends.right + 1 - from_x;
-      const int x = to_left ? ends.left : ends.right + 1;
-      const int y = row * step_ + (row * step_ < from_y ? 0 : 1);
-      const std::int64_t dx = x - from_x;
-      const std::int64_t dy = y - from_y;
-      const std::int64_t squared = dx * dx + dy * dy;
-      if (squared <= most) continue;
-      most = squared;
-      best = {x, y};
-    }
-    return best;
+  const kernels::Outline outline{left_ends_.data(), right_ends_.data(), top.rows / step_, step_,
+                                 top.columns};
+  const kernels::OutlineCorners corners = kernels::outline_corners(outline);
+  const auto cross = [&](std::size_t i, std::size_t k) {
+    return std::int64_t{corners[i].x - corners[0].x} * (corners[k].y - corners[0].y) -
+           std::int64_t{corners[i].y - corners[0].y} * (corners[k].x - corners[0].x);
   };
-  const Ends& middle = ends_[static_cast<std::size_t>(rows / 2)];
-  const Corner a = farthest_from((middle.left + middle.right) / 2, top.rows / 2);
-  const Corner c = farthest_from(a.x, a.y);
-  const std::int64_t dx = c.x - a.x;
-  const std::int64_t dy = c.y - a.y;
-  std::int64_t left = 0;
-  std::int64_t right = 0;
-  Corner b = a;
-  Corner d = a;
-  for (int row = 0; row < rows; ++row) {
-    const Ends& ends = ends_[static_cast<std::size_t>(row)];
-    const Corner first{dy > 0 ? ends.left : ends.right + 1, row * step_ + (dx > 0 ? 1 : 0)};
-    const Corner last{dy > 0 ? ends.right + 1 : ends.left, row * step_ + (dx > 0 ? 0 : 1)};
-    const std::int64_t most = dx * (first.y - a.y) - dy * (first.x - a.x);
-    const std::int64_t least = dx * (last.y - a.y) - dy * (last.x - a.x);
-    if (most > right) {
-      right = most;
-      b = first;
-    }
-    if (least < left) {
-      left = least;
-      d = last;
-    }
-  }
-  const std::int64_t quad = right - left;  // twice its area
+  const std::int64_t quad = cross(1, 2) + cross(2, 3);  // twice its area
   const std::int64_t length = 2 * (top.rows + top.columns);
   // Half a pixel along the way is what noise takes; blur rounds corners.
   const std::int64_t surplus = 2 * area - quad;
   if (surplus < -quad / 6 - length || surplus > quad / 8 + length / 2) return false;
-  const std::array<Corner, 4> corners{a, d, c, b};
-  return keeps_to(corners, rows) && is_filled_along(corners, top);
-}
-
-/// Whether the outline keeps to the sides of a quadrilateral, whose corners go around clockwise as
-/// seen on the screen.
-bool ConvexRegions::keeps_to(const std::array<Corner, 4>& corners, int rows) const {
-  // Steps of pixels, noise and rounded corners, and what lenses bend long sides by.
-  constexpr float kStray = 2.6F;
-  constexpr float kBend = 0.05F;
-  struct Line {
-    float x, y, at;
-  };
-  std::array<Line, 4> outside;  // distance outwards, over what is allowed
-  for (std::size_t i = 0; i < 4; ++i) {
-    const Corner& from = corners[i];
-    const Corner& to = corners[(i + 1) % 4];
-    const auto x = static_cast<float>(to.x - from.x);
-    const auto y = static_cast<float>(to.y - from.y);
-    const float length = std::sqrt(x * x + y * y);
-    const float scale = 1.0F / (std::max(length, 1.0F) * (kStray + kBend * length));
-    outside[i] = {y * scale, -x * scale,
-                  (x * static_cast<float>(from.y) - y * static_cast<float>(from.x)) * scale};
-  }
-  const auto beyond = [&](float x, float y) {
-    float most = outside[0].x * x + outside[0].y * y + outside[0].at;
-    for (std::size_t i = 1; i < 4; ++i)
-      most = std::max(most, outside[i].x * x + outside[i].y * y + outside[i].at);
-    return most;
-  };
-  float least = 0.0F;
-  float most = 0.0F;
-  for (int row = 0; row < rows; ++row) {
-    const Ends& ends = ends_[static_cast<std::size_t>(row)];
-    const float y = static_cast<float>(row * step_) + 0.5F;
-    const float left = beyond(static_cast<float>(ends.left), y);
-    const float right = beyond(static_cast<float>(ends.right + 1), y);
-    least = std::min(least, std::min(left, right));
-    most = std::max(most, std::max(left, right));
-  }
-  return least >= -1.0F && most <= 1.0F;
+  return kernels::outline_keeps_to(outline, corners, slack_of(corners)) &&
+         is_filled_along(corners, top);
 }
 
 /// Whether the region lies just inside the sides of a quadrilateral as above: bays from below or
 /// above don't show at the ends of rows. Only of small ones: there are few others, and their sides
 /// may be bent.
-bool ConvexRegions::is_filled_along(const std::array<Corner, 4>& corners,
+bool ConvexRegions::is_filled_along(const kernels::OutlineCorners& corners,
                                     const RegionTop& top) const {
   constexpr int kSmall = 64;       // pixels
   constexpr float kInside = 0.7F;  // pixels; the border of the smallest marker is hardly thicker
@@ -486,8 +429,8 @@ bool ConvexRegions::is_filled_along(const std::array<Corner, 4>& corners,
   if (std::max(top.rows, top.columns) >= kSmall) return true;
   int all_missed = 0;
   for (std::size_t i = 0; i < 4; ++i) {
-    const Corner& from = corners[i];
-    const Corner& to = corners[(i + 1) % 4];
+    const kernels::OutlineCorner& from = corners[i];
+    const kernels::OutlineCorner& to = corners[(i + 1) % 4];
     const auto along_x = static_cast<float>(to.x - from.x);
     const auto along_y = static_cast<float>(to.y - from.y);
     const float inwards =

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "detect/kernels/outline.hpp"
 #include "detect/kernels/region_walk.hpp"
 #include "detect/threshold.hpp"
 
@@ -48,12 +49,6 @@ class ConvexRegions {
   bool next(RegionTop& top);
 
  private:
-  struct Ends {
-    int left, right;
-  };
-  struct Corner {
-    int x, y;
-  };
   const std::uint64_t* longest_ways() const {
     return ways_.data() + 1 + (goals_ - 1) * ways_stride_;
   }
@@ -73,8 +68,7 @@ class ConvexRegions {
   template <bool kDark>
   bool may_be_convex(const kernels::RegionStart& start, RegionTop& top);
   bool outlines_quad(std::int64_t area, const RegionTop& top) const;
-  bool keeps_to(const std::array<Corner, 4>& corners, int rows) const;
-  bool is_filled_along(const std::array<Corner, 4>& corners, const RegionTop& top) const;
+  bool is_filled_along(const kernels::OutlineCorners& corners, const RegionTop& top) const;
 
   const Threshold* threshold_ = nullptr;
   const DarkMap* map_ = nullptr;
@@ -100,7 +94,7 @@ class ConvexRegions {
   std::vector<kernels::RegionStart> starts_;                  // of some rows
   std::vector<std::uint8_t> survives_;                        // which of them may be convex
   std::size_t next_start_ = 0;
-  std::vector<Ends> ends_;               // of the region, row by row
+  std::vector<std::int32_t> left_ends_, right_ends_;  // of the region, row by row
   DarkMap tall_;                         // where this and the two pixels above are the region's:
   const DarkMap* whole_tall_ = nullptr;  // one's own, or that of the whole
 };
