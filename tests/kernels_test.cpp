@@ -12,18 +12,16 @@
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
 
+#include "detect/kernels/band_bits.hpp"
 #include "detect/kernels/bilinear.hpp"
 #include "detect/kernels/clean_steps.hpp"
-#include "detect/kernels/dark_bits.hpp"
 #include "detect/kernels/halve.hpp"
 #include "detect/kernels/outline.hpp"
 #include "detect/kernels/region_tops.hpp"
 #include "detect/kernels/region_walk.hpp"
 #include "detect/kernels/spread_bits.hpp"
-#include "detect/kernels/steep_bits.hpp"
 #include "detect/kernels/tall_bits.hpp"
 #include "detect/kernels/tile_extremes.hpp"
-#include "detect/kernels/tile_thresholds.hpp"
 #include "detect/kernels/ways_down.hpp"
 #include "pose/kernels/patch_loops.hpp"
 
@@ -360,22 +358,7 @@ TEST(Kernels, RegionTopsAreTheSameOnEveryTarget) {
   });
 }
 
-TEST(Kernels, TileThresholdsKnownByHand) {
-  // 40 + ceil(7 / 16 * 161) = 40 + 71; the second tile's contrast is too small.
-  const std::uint8_t low[] = {40, 90};
-  const std::uint8_t high[] = {201, 105};
-  std::vector<std::uint8_t> thresholds(8);
-  tile_thresholds(low, high, 2, 7, 16, thresholds.data());
-  EXPECT_EQ(thresholds, (std::vector<std::uint8_t>{111, 111, 111, 111, 0, 0, 0, 0}));
-  // ceil(6 / 16 * 161) = 61, ceil(6 / 16 * 15) = 6; never nothing.
-  std::vector<std::uint8_t> shares(8);
-  tile_shares(low, high, 2, 6, shares.data());
-  EXPECT_EQ(shares, (std::vector<std::uint8_t>{61, 61, 61, 61, 6, 6, 6, 6}));
-  tile_shares(low, low, 2, 6, shares.data());
-  EXPECT_EQ(shares, std::vector<std::uint8_t>(8, 1));
-}
-
-TEST(Kernels, TileThresholdsAreTheSameOnEveryTarget) {
+TEST(Kernels, ExtremesNearbyAreTheSameOnEveryTarget) {
   on_every_target([] {
     for (int tiles = 1; tiles <= 150; ++tiles) {
       const auto count = static_cast<std::size_t>(tiles);
@@ -392,71 +375,83 @@ TEST(Kernels, TileThresholdsAreTheSameOnEveryTarget) {
       tile_extremes_nearby_scalar(bands, tiles, low_by_hand.data(), high_by_hand.data());
       ASSERT_EQ(low, low_by_hand) << tiles;
       ASSERT_EQ(high, high_by_hand) << tiles;
+    }
+  });
+}
 
-      low = random_bytes(count, seed);
-      high = random_bytes(count, seed + 1000);
-      for (std::size_t i = 0; i < count; ++i)
+// Two rows of ten pixels. The first tile's threshold is 40 + ceil(7 / 16 * 161) = 111, its step
+// ceil(6 / 16 * 161) = 61; the second one's contrast is too small for anything dark, its step 6;
+// the last one has no contrast and a step of 1.
+TEST(Kernels, BandBitsKnownByHand) {
+  const std::uint8_t low[] = {40, 90, 7};
+  const std::uint8_t high[] = {201, 105, 7};
+  const std::uint8_t above[] = {161, 160, 100, 0, 90, 96, 96, 90, 8, 7};
+  const std::uint8_t first[] = {110, 111, 40, 201, 90, 91, 92, 105, 7, 7};
+  const std::uint8_t second[] = {100, 99, 100, 61, 90, 90, 91, 90, 7, 7};
+  Band band{{above, above, first, second, second, second, second}, low, high, 10, 2};
+  std::array<std::uint8_t, 16> dark{}, edges{};
+  dark.fill(0xFF);
+  edges.fill(0xFF);
+  const BandLevel level{7, 16, 6, true, 1, dark.data(), edges.data(), 8};
+  on_every_target([&] {
+    band_bits(band, level);
+    EXPECT_EQ(dark[0], 0b0000'0101);
+    EXPECT_EQ(dark[1], 0);
+    EXPECT_EQ(dark[8], 0b0000'1111);
+    EXPECT_EQ(edges[0], 0b0010'0011);  // from `above` to `second`
+    EXPECT_EQ(edges[1], 0b0000'0001);
+    // Bright ones: where it rises. Nothing is asked of the second row.
+    BandLevel bright = level;
+    bright.dark = false;
+    bright.edge_step = 2;
+    edges[8] = 0x55;
+    band_bits(band, bright);
+    EXPECT_EQ(edges[0], 0b0000'1000);
+    EXPECT_EQ(edges[1], 0);
+    EXPECT_EQ(edges[8], 0x55);
+  });
+}
+
+TEST(Kernels, BandBitsAreTheSameOnEveryTarget) {
+  on_every_target([] {
+    for (int width = 1; width <= 300; ++width) {
+      const auto count = static_cast<std::size_t>(width);
+      const auto tiles = (count + kTile - 1) / kTile;
+      const auto seed = static_cast<std::uint32_t>(1000 * width);
+      std::vector<std::vector<std::uint8_t>> rows;
+      Band band{};
+      for (std::size_t i = 0; i < band.rows.size(); ++i) {
+        rows.push_back(random_bytes(count, seed + static_cast<std::uint32_t>(i)));
+        band.rows[i] = rows.back().data();
+      }
+      auto low = random_bytes(tiles, seed + 100);
+      auto high = random_bytes(tiles, seed + 101);
+      for (std::size_t i = 0; i < tiles; ++i)
         if (low[i] > high[i]) std::swap(low[i], high[i]);
-      for (const int level : {0, 5, 11, 16})
-        for (const int contrast : {0, 16, 255}) {
-          std::vector<std::uint8_t> thresholds(kTile * count);
-          std::vector<std::uint8_t> by_hand(kTile * count);
-          tile_thresholds(low.data(), high.data(), tiles, level, contrast, thresholds.data());
-          tile_thresholds_scalar(low.data(), high.data(), tiles, level, contrast, by_hand.data());
-          ASSERT_EQ(thresholds, by_hand) << tiles;
-          tile_shares(low.data(), high.data(), tiles, level, thresholds.data());
-          tile_shares_scalar(low.data(), high.data(), tiles, level, by_hand.data());
-          ASSERT_EQ(thresholds, by_hand) << tiles;
+      band.low = low.data();
+      band.high = high.data();
+      band.width = width;
+      band.height = width % 7 == 0 ? 3 : kTile;
+      const std::size_t stride = (count + kBitsAtOnce - 1) / kBitsAtOnce * kBitsAtOnce / 8;
+      for (const int sixteenths : {0, 5, 11, 16})
+        for (const bool is_dark : {false, true}) {
+          std::vector<std::uint8_t> dark(kTile * stride), edges(dark.size());
+          std::vector<std::uint8_t> dark_by_hand(dark.size()), edges_by_hand(dark.size());
+          BandLevel level{sixteenths,
+                          16 * sixteenths % 48,
+                          1 + sixteenths / 3,
+                          is_dark,
+                          sixteenths == 5 ? 2 : 1,
+                          dark.data(),
+                          edges.data(),
+                          static_cast<std::ptrdiff_t>(stride)};
+          band_bits(band, level);
+          level.dark_bits = dark_by_hand.data();
+          level.edge_bits = edges_by_hand.data();
+          band_bits_scalar(band, level);
+          ASSERT_EQ(dark, dark_by_hand) << width;
+          ASSERT_EQ(edges, edges_by_hand) << width;
         }
-    }
-  });
-}
-
-TEST(Kernels, DarkBitsKnownByHand) {
-  const std::uint8_t pixels[] = {0, 9, 10, 11, 255, 0, 0, 0, 0, 99};
-  const std::uint8_t thresholds[] = {10, 10, 10, 10, 255, 0, 0, 0, 1, 100};
-  std::vector<std::uint8_t> bits(2, 0xFF);
-  dark_bits(pixels, thresholds, 10, bits.data());
-  EXPECT_EQ(bits, (std::vector<std::uint8_t>{0b00000011, 0b00000011}));
-}
-
-TEST(Kernels, SteepBitsKnownByHand) {
-  const std::uint8_t from[] = {50, 50, 50, 10, 255, 0, 0, 0, 0, 99};
-  const std::uint8_t to[] = {10, 11, 60, 50, 0, 0, 0, 0, 0, 98};
-  const std::uint8_t least[] = {40, 40, 1, 1, 255, 1, 1, 0, 1, 1};
-  std::vector<std::uint8_t> bits(2, 0xFF);
-  steep_bits(from, to, least, 10, bits.data());
-  EXPECT_EQ(bits, (std::vector<std::uint8_t>{0b10010001, 0b00000010}));
-}
-
-TEST(Kernels, SteepBitsAreTheSameOnEveryTarget) {
-  on_every_target([] {
-    for (int width = 1; width <= 300; ++width) {
-      const auto count = static_cast<std::size_t>(width);
-      const auto seed = static_cast<std::uint32_t>(width);
-      const auto from = random_bytes(count, seed);
-      const auto to = random_bytes(count, seed + 1000);
-      const auto least = random_bytes(count, seed + 2000);
-      std::vector<std::uint8_t> bits((count + 7) / 8);
-      std::vector<std::uint8_t> by_hand(bits.size());
-      steep_bits(from.data(), to.data(), least.data(), width, bits.data());
-      steep_bits_scalar(from.data(), to.data(), least.data(), width, by_hand.data());
-      ASSERT_EQ(bits, by_hand) << width;
-    }
-  });
-}
-
-TEST(Kernels, DarkBitsAreTheSameOnEveryTarget) {
-  on_every_target([] {
-    for (int width = 1; width <= 300; ++width) {
-      const auto count = static_cast<std::size_t>(width);
-      const auto pixels = random_bytes(count, static_cast<std::uint32_t>(width));
-      const auto thresholds = random_bytes(count, static_cast<std::uint32_t>(width + 1000));
-      std::vector<std::uint8_t> bits((count + 7) / 8);
-      std::vector<std::uint8_t> by_hand(bits.size());
-      dark_bits(pixels.data(), thresholds.data(), width, bits.data());
-      dark_bits_scalar(pixels.data(), thresholds.data(), width, by_hand.data());
-      ASSERT_EQ(bits, by_hand) << width;
     }
   });
 }

@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "detect/kernels/dark_bits.hpp"
-#include "detect/kernels/steep_bits.hpp"
-#include "detect/kernels/tile_thresholds.hpp"
+#include "detect/kernels/band_bits.hpp"
 
 namespace harco::detect {
 
@@ -36,7 +34,6 @@ void Threshold::measure(const ImageView& image, const Wanted& wanted, Workers& w
   for (Scratch& scratch : scratch_) {
     for (auto& band : scratch.low) band.assign(columns + 2, 255);
     for (auto& band : scratch.high) band.assign(columns + 2, 0);
-    scratch.thresholds.resize(columns * kTile);
   }
   near_low_.resize(columns * static_cast<std::size_t>(bands_));
   near_high_.resize(near_low_.size());
@@ -59,7 +56,7 @@ void Threshold::measure(const ImageView& image, const Wanted& wanted, Workers& w
     measure_band(first, scratch);
     for (int band = first; band < end; ++band) {
       measure_band(band + 1, scratch);
-      find_dark(band, wanted, scratch);
+      find_bits(band, wanted, scratch);
     }
   });
 }
@@ -97,7 +94,7 @@ void Threshold::measure_band(int band, Scratch& scratch) const {
                          scratch.high[at].data() + 1);
 }
 
-void Threshold::find_dark(int band, const Wanted& wanted, Scratch& scratch) {
+void Threshold::find_bits(int band, const Wanted& wanted, Scratch& scratch) {
   kernels::TileBands bands{};
   for (int i = 0; i < 3; ++i) {
     // The bands beyond the image are its outermost ones.
@@ -109,30 +106,20 @@ void Threshold::find_dark(int band, const Wanted& wanted, Scratch& scratch) {
   std::uint8_t* low = near_low_.data() + first;
   std::uint8_t* high = near_high_.data() + first;
   kernels::tile_extremes_nearby(bands, columns_, low, high);
+  const int y = band * kTile;
+  kernels::Band of_tiles{{}, low, high, image_.width(), std::min(kTile, image_.height() - y)};
+  for (std::size_t i = 0; i < of_tiles.rows.size(); ++i) {
+    const int row = y + static_cast<int>(i) - 2;
+    of_tiles.rows[i] = image_.row(std::clamp(row, 0, image_.height() - 1));
+  }
+  const auto bytes = [](std::uint64_t* row) { return reinterpret_cast<std::uint8_t*>(row); };
   for (std::size_t level = 0; level < kLevels.size(); ++level) {
     if (!wanted[level]) continue;
-    kernels::tile_thresholds(low, high, columns_, kLevels[level].sixteenths, least_contrast(level),
-                             scratch.thresholds.data());
-    const int end = std::min((band + 1) * kTile, image_.height());
-    for (int y = band * kTile; y < end; ++y)
-      kernels::dark_bits(image_.row(y), scratch.thresholds.data(), image_.width(),
-                         reinterpret_cast<std::uint8_t*>(maps_[level].row(y)));
-    find_upper_edges(band, level, scratch);
-  }
-}
-
-void Threshold::find_upper_edges(int band, std::size_t level, Scratch& scratch) {
-  const std::ptrdiff_t first = std::ptrdiff_t{band} * columns_;
-  std::uint8_t* least = scratch.thresholds.data();
-  kernels::tile_shares(near_low_.data() + first, near_high_.data() + first, columns_,
-                       kLevels[level].steep, least);
-  const int end = std::min((band + 1) * kTile, image_.height());
-  for (int y = band * kTile; y < end; y += kLevels[level].row_step) {
-    const std::uint8_t* above = image_.row(std::max(y - 2, 0));
-    const std::uint8_t* below = image_.row(std::min(y + 1, image_.height() - 1));
-    if (!kLevels[level].dark) std::swap(above, below);
-    kernels::steep_bits(above, below, least, image_.width(),
-                        reinterpret_cast<std::uint8_t*>(upper_edges_[level].row(y)));
+    const Level& asked = kLevels[level];
+    kernels::band_bits(
+        of_tiles, {asked.sixteenths, least_contrast(level), asked.steep, asked.dark, asked.row_step,
+                   bytes(maps_[level].row(y)), bytes(upper_edges_[level].row(y)),
+                   maps_[level].bits_in_row() / 8});
   }
 }
 

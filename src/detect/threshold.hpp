@@ -129,12 +129,10 @@ class Threshold {
   /// What one of those who work needs of its own.
   struct Scratch {
     std::array<std::vector<std::uint8_t>, 4> low, high;  // of bands of tiles, in turn; padded
-    std::vector<std::uint8_t> thresholds;                // of a row of pixels
   };
   void measure_noise(Scratch& scratch);
   void measure_band(int band, Scratch& scratch) const;
-  void find_dark(int band, const Wanted& wanted, Scratch& scratch);
-  void find_upper_edges(int band, std::size_t level, Scratch& scratch);
+  void find_bits(int band, const Wanted& wanted, Scratch& scratch);
 
   ImageView image_;
   int columns_ = 0, bands_ = 0;

@@ -21,6 +21,10 @@ void tile_extremes_simd(const std::uint8_t* pixels, std::ptrdiff_t stride, int w
   tile_extremes_scalar(pixels, stride, width, rows, low, high);
 }
 
+void nearby_simd(const TileBands& bands, int tiles, std::uint8_t* low, std::uint8_t* high) {
+  tile_extremes_nearby_scalar(bands, tiles, low, high);
+}
+
 #else
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -67,6 +71,28 @@ void tile_extremes_simd(const std::uint8_t* HWY_RESTRICT pixels, std::ptrdiff_t 
                          high + whole / kTile);
 }
 
+void nearby_simd(const TileBands& bands, int tiles, std::uint8_t* HWY_RESTRICT low,
+                 std::uint8_t* HWY_RESTRICT high) {
+  const hn::ScalableTag<std::uint8_t> bytes;
+  const int lanes = static_cast<int>(hn::Lanes(bytes));
+  if (tiles < lanes) {
+    tile_extremes_nearby_scalar(bands, tiles, low, high);
+    return;
+  }
+  for (int tile = 0; tile < tiles; tile += lanes) {
+    const int at = std::min(tile, tiles - lanes);
+    auto least = hn::Set(bytes, 255);
+    auto most = hn::Zero(bytes);
+    for (int row = 0; row < 3; ++row)
+      for (int side = 0; side < 3; ++side) {
+        least = hn::Min(least, hn::LoadU(bytes, bands.low[row] + at + side));
+        most = hn::Max(most, hn::LoadU(bytes, bands.high[row] + at + side));
+      }
+    hn::StoreU(least, bytes, low + at);
+    hn::StoreU(most, bytes, high + at);
+  }
+}
+
 #endif
 
 }  // namespace harco::detect::kernels::HWY_NAMESPACE
@@ -76,10 +102,16 @@ HWY_AFTER_NAMESPACE();
 namespace harco::detect::kernels {
 
 HWY_EXPORT(tile_extremes_simd);
+HWY_EXPORT(nearby_simd);
 
 void tile_extremes(const std::uint8_t* pixels, std::ptrdiff_t stride, int width, int rows,
                    std::uint8_t* low, std::uint8_t* high) {
   HWY_DYNAMIC_DISPATCH(tile_extremes_simd)(pixels, stride, width, rows, low, high);
+}
+
+void tile_extremes_nearby(const TileBands& bands, int tiles, std::uint8_t* low,
+                          std::uint8_t* high) {
+  HWY_DYNAMIC_DISPATCH(nearby_simd)(bands, tiles, low, high);
 }
 
 void tile_extremes_scalar(const std::uint8_t* pixels, std::ptrdiff_t stride, int width, int rows,
@@ -94,6 +126,21 @@ void tile_extremes_scalar(const std::uint8_t* pixels, std::ptrdiff_t stride, int
       }
     low[x / kTile] = least;
     high[x / kTile] = most;
+  }
+}
+
+void tile_extremes_nearby_scalar(const TileBands& bands, int tiles, std::uint8_t* low,
+                                 std::uint8_t* high) {
+  for (int tile = 0; tile < tiles; ++tile) {
+    std::uint8_t least = 255;
+    std::uint8_t most = 0;
+    for (int row = 0; row < 3; ++row)
+      for (int side = 0; side < 3; ++side) {
+        least = std::min(least, bands.low[row][tile + side]);
+        most = std::max(most, bands.high[row][tile + side]);
+      }
+    low[tile] = least;
+    high[tile] = most;
   }
 }
 

@@ -1,4 +1,4 @@
-// Least and greatest grey of every tile of pixels.
+// Least and greatest grey of every tile of pixels, and of those around it.
 #pragma once
 
 #include <cstddef>
@@ -15,8 +15,20 @@ inline constexpr int kTile = 4;
 void tile_extremes(const std::uint8_t* pixels, std::ptrdiff_t stride, int width, int rows,
                    std::uint8_t* low, std::uint8_t* high);
 
+/// The extremes of three bands of tiles, one above the other. Every row starts with one value for
+/// the tile left of the image and ends with one for the tile right of it.
+struct TileBands {
+  const std::uint8_t* low[3];
+  const std::uint8_t* high[3];
+};
+
+/// For each of the middle band's `tiles` tiles, the extremes of the 3 x 3 tiles around it.
+void tile_extremes_nearby(const TileBands& bands, int tiles, std::uint8_t* low, std::uint8_t* high);
+
 /// The same in plain C++, the reference for every instruction set.
 void tile_extremes_scalar(const std::uint8_t* pixels, std::ptrdiff_t stride, int width, int rows,
                           std::uint8_t* low, std::uint8_t* high);
+void tile_extremes_nearby_scalar(const TileBands& bands, int tiles, std::uint8_t* low,
+                                 std::uint8_t* high);
 
 }  // namespace harco::detect::kernels
