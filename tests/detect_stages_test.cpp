@@ -526,13 +526,13 @@ TEST(Sample, IsBilinear) {
 
 TEST(Median, IsTheMiddleOneOrTheUpperOfTwo) {
   const std::vector<float> odd{7.0F, 255.0F, 3.0F, 0.0F, 200.0F};
-  EXPECT_EQ(middle_of(odd.data(), 5, 256.0F), 7.0F);
-  EXPECT_EQ(middle_of(odd.data(), 1, 256.0F), 7.0F);
-  EXPECT_EQ(middle_of(odd.data(), 4, 256.0F), 7.0F);  // 0, 3, 7, 255
+  EXPECT_EQ(middle_of(odd.data(), 5, 256.0F, 16), 7.0F);
+  EXPECT_EQ(middle_of(odd.data(), 1, 256.0F, 16), 7.0F);
+  EXPECT_EQ(middle_of(odd.data(), 4, 256.0F, 16), 7.0F);  // 0, 3, 7, 255
   const std::vector<float> same(96, 12.25F);
-  EXPECT_EQ(middle_of(same.data(), 96, 256.0F), 12.25F);
+  EXPECT_EQ(middle_of(same.data(), 96, 256.0F, 16), 12.25F);
   const std::vector<float> between{0.3F, 0.1F, 0.2F};
-  EXPECT_NEAR(middle_of(between.data(), 3, 1.0F), 0.2F, 2e-5);
+  EXPECT_NEAR(middle_of(between.data(), 3, 1.0F, 16), 0.2F, 2e-5);
 }
 
 /// Greys of 20 positions two pixels apart at one step, without anything across.

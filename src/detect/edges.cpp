@@ -9,7 +9,6 @@
 #include <Eigen/LU>
 
 #include "detect/bands.hpp"
-#include "detect/median.hpp"
 #include "detect/profiles.hpp"
 #include "detect/square_homography.hpp"
 
@@ -163,7 +162,6 @@ std::optional<FittedLine> fit_points(const EdgePoints& points, const Point& midd
   const auto& [along, across] = points;
   const auto n = along.size();
   if (n < 4) return std::nullopt;
-  const auto most = static_cast<float>(kMaxReach);
   Positions weights = Positions::Ones(n);
   Positions residuals(n);
   float sum_w = 0.0F;
@@ -185,8 +183,7 @@ std::optional<FittedLine> fit_points(const EdgePoints& points, const Point& midd
     residuals = across - offset - slope * t;
     variance = (weights * residuals * residuals).sum() / std::max(1.0F, sum_w - 2.0F);
     const Positions away = residuals.abs();
-    const float cut =
-        std::max(4.7F * 1.48F * middle_of(away.data(), static_cast<int>(n), most), 0.05F);
+    const float cut = std::max(4.7F * 1.48F * middle_size(away), 0.05F);
     for (Eigen::Index i = 0; i < n; ++i) {
       const float x = away(i) / cut;
       weights(i) = x < 1.0F ? (1.0F - x * x) * (1.0F - x * x) : 0.0F;
@@ -373,7 +370,7 @@ std::optional<FittedLine> sharpen_side(const ImageView& image, const Lens& lens,
   Positions weights = Positions::Ones(profiles.count());
   std::optional<FittedLine> line;
   std::optional<EdgeFilter> filter;
-  // The first round tells which profiles belong.
+  // The first round tells which profiles belong; the second one does without the others.
   for (int round = 0; round < 2; ++round) {
     filter = fit_bands(mean_profile(profiles, weights), -profiles.inward * kStep, kStep, bands,
                        filter ? &*filter : nullptr);
@@ -384,6 +381,7 @@ std::optional<FittedLine> sharpen_side(const ImageView& image, const Lens& lens,
     if (line_ends) across -= static_cast<float>(filter->by_last * widths.line.slope) * along;
     line = fit_points({along, across}, 0.5 * (a + b), (b - a) / length, length);
     if (!line) return std::nullopt;
+    if (line->weights.minCoeff() > 0.0F) break;
     weights = line->weights;
   }
   line->offset_variance += kShape * kShape + (aligned ? kPixelPhase * kPixelPhase : 0.0);
@@ -417,9 +415,12 @@ double correlation_factor(const std::array<FittedLine, 4>& lines) {
 
 std::optional<FittedQuad> fit_edges(const ImageView& image, const Lens& lens, const Quad& quad,
                                     const SideProfile& profile) {
+  constexpr double kNear = 0.25;  // pixels
   FittedQuad fitted{quad, Matrix8d::Zero()};
-  // The second round starts from where the first one found the edges.
-  for (int round = 0; round < 2; ++round) {
+  // Where the quad was farther off, the second round starts from where the first one found the
+  // edges.
+  double moved = 0.0;
+  for (int round = 0; round == 0 || (round == 1 && moved > kNear); ++round) {
     std::array<FittedLine, 4> lines;
     const Eigen::Matrix3d image_H_square = square_homography(fitted.corners);
     for (std::size_t i = 0; i < 4; ++i) {
@@ -433,8 +434,10 @@ std::optional<FittedQuad> fit_edges(const ImageView& image, const Lens& lens, co
     const auto met = meet(lines);
     if (!met) return std::nullopt;
     fitted = *met;
+    moved = 0.0;
     for (std::size_t i = 0; i < 4; ++i)
-      if ((fitted.corners[i] - before[i]).norm() > tolerance) return std::nullopt;
+      moved = std::max(moved, (fitted.corners[i] - before[i]).norm());
+    if (moved > tolerance) return std::nullopt;
     if (!convex(fitted.corners)) return std::nullopt;
   }
   return fitted;

@@ -13,7 +13,8 @@
 namespace harco::detect {
 namespace {
 
-constexpr float kGreys = 256.0F;
+/// To a sixteenth of a grey level.
+float middle_grey(const float* greys, int count) { return middle_of(greys, count, 256.0F, 12); }
 
 /// A side as profiles see it.
 struct Side {
@@ -23,16 +24,17 @@ struct Side {
   // Near the corners the other side's edge would be seen as well.
   double margin;
   int positions;
+  double spacing;
 
   Side(const Point& a, const Point& b, int most)
       : direction((b - a).normalized()),
         outward(direction.y(), -direction.x()),
         length((b - a).norm()),
         margin(std::min(0.25 * length, 0.06 * length + 1.5)),
-        positions(std::clamp(static_cast<int>(usable()), 4, most)) {}
+        positions(std::clamp(static_cast<int>(length - 2.0 * margin), 4, most)),
+        spacing((length - 2.0 * margin) / positions) {}
 
-  double usable() const { return length - 2.0 * margin; }
-  double from_start(int i) const { return margin + usable() * (i + 0.5) / positions; }
+  double from_start(int i) const { return margin + spacing * (i + 0.5); }
 };
 
 /// In the units of kernels::bilinear().
@@ -45,22 +47,30 @@ void read_straight(const ImageView& image, const Point& a, const Side& side, Pro
   constexpr double kRounding = 0.001;
   const Point inner = -profiles.inward * kStep * side.outward;
   const Point outer = profiles.outward * kStep * side.outward;
+  const auto middle = [&](int i) -> Point { return a + side.from_start(i) * side.direction; };
   const auto inside = [&](const Point& at) {
     return between_pixels(image, at.x() - kRounding, at.y() - kRounding) &&
            between_pixels(image, at.x() + kRounding, at.y() + kRounding);
   };
+  const auto whole = [&](int i) {
+    const Point at = middle(i);
+    return inside(at + inner) && inside(at + outer);
+  };
+  // Those in the image follow one another, since it is convex.
+  int first = 0;
+  int end = side.positions;
+  while (first < end && !whole(first)) ++first;
+  while (first < end && !whole(end - 1)) --end;
+  const int count = end - first;
   std::array<std::int32_t, kMaxPositions> x;
   std::array<std::int32_t, kMaxPositions> y;
-  int count = 0;
-  for (int i = 0; i < side.positions; ++i) {
-    const double t = side.from_start(i);
-    const Point middle = a + t * side.direction;
-    if (!inside(middle + inner) || !inside(middle + outer)) continue;
-    x[static_cast<std::size_t>(count)] = place(middle.x());
-    y[static_cast<std::size_t>(count)] = place(middle.y());
-    profiles.along(count++) = static_cast<float>(t - 0.5 * side.length);
+  profiles.along.resize(count);
+  for (int i = 0; i < count; ++i) {
+    const double t = side.from_start(first + i);
+    x[static_cast<std::size_t>(i)] = place(a.x() + t * side.direction.x());
+    y[static_cast<std::size_t>(i)] = place(a.y() + t * side.direction.y());
+    profiles.along(i) = static_cast<float>(t - 0.5 * side.length);
   }
-  profiles.along.conservativeResize(count);
   for (int k = -profiles.inward; k <= profiles.outward; ++k)
     kernels::bilinear(image, x.data(), y.data(), place(k * kStep * side.outward.x()),
                       place(k * kStep * side.outward.y()), count, profiles.at(k).data());
@@ -68,6 +78,7 @@ void read_straight(const ImageView& image, const Point& a, const Side& side, Pro
 
 void read_through(const Lens& lens, const ImageView& image, const Point& a, const Side& side,
                   Profiles& profiles) {
+  profiles.along.resize(side.positions);
   int count = 0;
   for (int i = 0; i < side.positions; ++i) {
     const double t = side.from_start(i);
@@ -86,13 +97,19 @@ void read_through(const Lens& lens, const ImageView& image, const Point& a, cons
 
 }  // namespace
 
+float middle_size(const Positions& sizes) {
+  // Half of them are as large, so that it is no more than their root mean square times 1.42.
+  const auto n = static_cast<float>(sizes.size());
+  const float most = 1.5F * std::sqrt(sizes.square().sum() / n);
+  return middle_of(sizes.data(), static_cast<int>(sizes.size()), most, 10);
+}
+
 Profiles read_profiles(const ImageView& image, const Lens& lens, const Point& a, const Point& b,
                        const Window& window, int most) {
   const Side side(a, b, most);
   Profiles profiles;
   profiles.inward = window.inward;
   profiles.outward = window.outward;
-  profiles.along.resize(side.positions);
   if (lens.bends())
     read_through(lens, image, a, side, profiles);
   else
@@ -101,7 +118,7 @@ Profiles read_profiles(const ImageView& image, const Lens& lens, const Point& a,
 }
 
 float median_at(const Profiles& profiles, int step) {
-  return middle_of(profiles.at(step).data(), profiles.count(), kGreys);
+  return middle_grey(profiles.at(step).data(), profiles.count());
 }
 
 Linear level_at(const Profiles& profiles, int step) {
@@ -115,13 +132,13 @@ Linear level_at(const Profiles& profiles, int step) {
   const auto grey = profiles.at(step);
   // A first line through the medians of both halves says which greys belong.
   const int half = count / 2;
-  const float first = middle_of(grey.data(), half, kGreys);
-  const float second = middle_of(grey.data() + half, count - half, kGreys);
+  const float first = middle_grey(grey.data(), half);
+  const float second = middle_grey(grey.data() + half, count - half);
   const float first_along = 0.5F * (along(0) + along(half - 1));
   const float second_along = 0.5F * (along(half) + along(count - 1));
   const float rough = (second - first) / (second_along - first_along);
   const Positions away = (grey - first - rough * (along - first_along)).abs();
-  const float limit = 1.0F + 4.5F * middle_of(away.data(), count, 2.0F * kGreys);  // 3 deviations
+  const float limit = 1.0F + 4.5F * middle_size(away);  // three deviations
   Positions belongs(count);
   for (int i = 0; i < count; ++i) belongs(i) = away(i) < limit ? 1.0F : 0.0F;
 

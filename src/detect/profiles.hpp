@@ -51,6 +51,9 @@ struct Profiles {
 Profiles read_profiles(const ImageView& image, const Lens& lens, const Point& a, const Point& b,
                        const Window& window, int most);
 
+/// Median of what isn't negative, to a thousandth of the greater ones.
+float middle_size(const Positions& sizes);
+
 /// Median of the greys at one step.
 float median_at(const Profiles& profiles, int step);
 
