@@ -149,9 +149,10 @@ void edges_and_decoding(State& state) {
       if (!fitted) continue;
       Eigen::Matrix3d image_H_cells = detect::square_homography(fitted->corners);
       image_H_cells.leftCols<2>() /= n + 2;
-      const auto grid =
-          detect::read_cells(image, lens, image_H_cells, n,
-                             detect::shortest_side(fitted->corners) / (n + 2), 0.8, false, 1);
+      const auto seen = detect::sample_cells(image, lens, image_H_cells, n,
+                                             detect::shortest_side(fitted->corners) / (n + 2));
+      if (!seen) continue;
+      const auto grid = detect::read_cells(*seen, 0.8, false, 1);
       if (!grid) continue;
       matches.clear();
       book.find(detect::read_bits(*grid, 0.42), 1, matches);

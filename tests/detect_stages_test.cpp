@@ -728,7 +728,9 @@ TEST(Cells, AreReadWhereTheyAreAndJudgedAgainstThePrediction) {
   const std::vector<double> predicted = predicted_cells(set)[0];
   const Image image = drawn(predicted, 30, 220);
   Eigen::Matrix3d image_H_cells = where_drawn();
-  const auto grid = read_cells(image.view(), Lens(), image_H_cells, 4, 10.0, 0.8, false, 4);
+  const auto greys = sample_cells(image.view(), Lens(), image_H_cells, 4, 10.0);
+  ASSERT_TRUE(greys);
+  const auto grid = read_cells(*greys, 0.8, false, 4);
   ASSERT_TRUE(grid);
   EXPECT_NEAR(grid->contrast, 190.0, 1e-6);
   EXPECT_EQ(wrong_ring_cells(*grid, false), 0);
@@ -740,13 +742,15 @@ TEST(Cells, AreReadWhereTheyAreAndJudgedAgainstThePrediction) {
   // A camera turned by a quarter sees the code turned; the prediction turned along agrees again.
   Eigen::Matrix3d turned;
   turned << 0, 10, 19.5, -10, 0, 79.5, 0, 0, 1;  // cells' x runs up the image
-  const auto seen = read_cells(image.view(), Lens(), turned, 4, 10.0, 0.8, false, 4);
+  const auto from_there = sample_cells(image.view(), Lens(), turned, 4, 10.0);
+  ASSERT_TRUE(from_there);
+  const auto seen = read_cells(*from_there, 0.8, false, 4);
   ASSERT_TRUE(seen);
   EXPECT_EQ(read_bits(*seen, 0.42), rotated(place(set)[0].code, 1).bits);
   EXPECT_NEAR(agreement(*seen, predicted, 1), 1.0, 1e-9);
 
   image_H_cells(0, 2) = 60.0;  // partly outside of the image
-  EXPECT_FALSE(read_cells(image.view(), Lens(), image_H_cells, 4, 10.0, 0.8, false, 4));
+  EXPECT_FALSE(sample_cells(image.view(), Lens(), image_H_cells, 4, 10.0));
 }
 
 TEST(Cells, AreReadAcrossAShadowsEdge) {
@@ -757,15 +761,17 @@ TEST(Cells, AreReadAcrossAShadowsEdge) {
   for (int y = 0; y < 100; ++y)
     for (int x = 50; x < 100; ++x) image.row(y)[x] = static_cast<std::uint8_t>(image.row(y)[x] / 3);
   const std::uint64_t code = place(set)[0].code.bits;
-  const auto plain = read_cells(image.view(), Lens(), where_drawn(), 4, 10.0, 0.8, false, 4);
+  const auto greys = sample_cells(image.view(), Lens(), where_drawn(), 4, 10.0);
+  ASSERT_TRUE(greys);
+  const auto plain = read_cells(*greys, 0.8, false, 4);
   ASSERT_TRUE(plain);
   EXPECT_LT(agreement(*plain, predicted, 0), 0.95);
 
-  const auto shaded = read_shaded_cells(image.view(), Lens(), where_drawn(), 4, 10.0, 0.8);
+  const auto shaded = read_shaded_cells(*greys, 0.8);
   ASSERT_TRUE(shaded);
   EXPECT_GT(shaded->threshold, 30.0);
   EXPECT_LT(shaded->threshold, 73.0);
-  EXPECT_EQ(read_bits(shaded->greys, shaded->threshold), code);
+  EXPECT_EQ(read_bits(shaded->seen.greys, shaded->threshold), code);
   // The ring's middle grey lies between 10 and 30.
   const CellGrid even = in_even_light(*shaded, predicted, 0);
   EXPECT_GT(agreement(even, predicted, 0), 0.97);
@@ -774,7 +780,9 @@ TEST(Cells, AreReadAcrossAShadowsEdge) {
   // Paper as dark as the ring somewhere: no light explains that.
   for (int y = 0; y < 100; ++y)
     for (int x = 70; x < 100; ++x) image.row(y)[x] = 8;
-  EXPECT_FALSE(read_shaded_cells(image.view(), Lens(), where_drawn(), 4, 10.0, 0.8));
+  const auto spoilt = sample_cells(image.view(), Lens(), where_drawn(), 4, 10.0);
+  ASSERT_TRUE(spoilt);
+  EXPECT_FALSE(read_shaded_cells(*spoilt, 0.8));
 }
 
 }  // namespace

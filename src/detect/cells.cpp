@@ -10,6 +10,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include "detect/kernels/bilinear.hpp"
 #include "detect/sample.hpp"
 #include "detect/square_homography.hpp"
 
@@ -80,45 +81,99 @@ class CellSampler {
                                  : 5) {}
 
   std::optional<double> grey_at(double x, double y) const {
-    const Eigen::Vector3d h = image_H_cells_ * Eigen::Vector3d(x, y, 1.0);
-    const auto pixel = lens_.from_ideal(h.hnormalized());
+    const auto pixel = lens_.from_ideal(ideal(x, y));
     return pixel ? sample(image_, pixel->x(), pixel->y()) : std::nullopt;
   }
 
-  /// Of points within a cell, kept away from its borders.
-  std::optional<double> cell_mean(int row, int column) const {
-    constexpr double kSpread = 0.5;
-    const auto offset = [&](int i) {
-      return across_ == 1 ? 0.0 : kSpread * (i / (across_ - 1.0) - 0.5);
-    };
-    double sum = 0.0;
-    for (int i = 0; i < across_; ++i)
-      for (int j = 0; j < across_; ++j) {
-        const auto grey = grey_at(column + 0.5 + offset(j), row + 0.5 + offset(i));
-        if (!grey) return std::nullopt;
-        sum += *grey;
-      }
-    return sum / (across_ * across_);
+  /// Fills in the mean of points within each of the m x m cells; false if some are outside of the
+  /// image.
+  bool means(int m, std::span<double> values) const {
+    return lens_.bends() ? bent_means(m, values) : straight_means(m, values);
   }
 
  private:
+  static constexpr int kMostAcross = 5;
+
+  Eigen::Vector2d ideal(double x, double y) const {
+    return (image_H_cells_ * Eigen::Vector3d(x, y, 1.0)).hnormalized();
+  }
+
+  /// Of the i-th point from the cell's first border, in cells; away from both.
+  double offset(int i) const {
+    constexpr double kSpread = 0.5;
+    return 0.5 + (across_ == 1 ? 0.0 : kSpread * (i / (across_ - 1.0) - 0.5));
+  }
+
+  bool bent_means(int m, std::span<double> values) const {
+    for (int row = 0; row < m; ++row)
+      for (int column = 0; column < m; ++column) {
+        double sum = 0.0;
+        for (int i = 0; i < across_; ++i)
+          for (int j = 0; j < across_; ++j) {
+            const auto grey = grey_at(column + offset(j), row + offset(i));
+            if (!grey) return false;
+            sum += *grey;
+          }
+        values[static_cast<std::size_t>(row * m + column)] = sum / (across_ * across_);
+      }
+    return true;
+  }
+
+  /// A row of points at once: the first ones of all cells, the second ones, and so on.
+  bool straight_means(int m, std::span<double> values) const {
+    constexpr double kRounding = 0.01;  // pixels
+    constexpr auto kMost = static_cast<std::size_t>(kMostAcross * (Code::kMaxCells + 2));
+    for (const double x : {offset(0), m - offset(0)})
+      for (const double y : {offset(0), m - offset(0)}) {
+        const Eigen::Vector2d at = ideal(x, y);
+        if (!between_pixels(image_, at.x() - kRounding, at.y() - kRounding) ||
+            !between_pixels(image_, at.x() + kRounding, at.y() + kRounding))
+          return false;
+      }
+    const auto count = static_cast<std::size_t>(across_ * m);
+    std::array<float, kMost> places;
+    for (int j = 0; j < across_; ++j)
+      for (int column = 0; column < m; ++column)
+        places[static_cast<std::size_t>(j * m + column)] = static_cast<float>(column + offset(j));
+    std::array<std::int32_t, kMost> x;
+    std::array<std::int32_t, kMost> y;
+    std::array<float, kMost> greys;
+    const Eigen::Vector3f by_x = (scaled() * Eigen::Vector3d::UnitX()).cast<float>();
+    for (int row = 0; row < m; ++row) {
+      std::array<float, Code::kMaxCells + 2> sums{};
+      for (int i = 0; i < across_; ++i) {
+        const Eigen::Vector3f start =
+            (scaled() * Eigen::Vector3d(0.0, row + offset(i), 1.0)).cast<float>();
+        for (std::size_t k = 0; k < count; ++k) {
+          const float scale = 1.0F / (start.z() + places[k] * by_x.z());
+          x[k] = static_cast<std::int32_t>((start.x() + places[k] * by_x.x()) * scale);
+          y[k] = static_cast<std::int32_t>((start.y() + places[k] * by_x.y()) * scale);
+        }
+        kernels::bilinear(image_, x.data(), y.data(), 0, 0, static_cast<int>(count), greys.data());
+        for (int j = 0; j < across_; ++j)
+          for (int column = 0; column < m; ++column)
+            sums[static_cast<std::size_t>(column)] +=
+                greys[static_cast<std::size_t>(j * m + column)];
+      }
+      for (int column = 0; column < m; ++column)
+        values[static_cast<std::size_t>(row * m + column)] =
+            static_cast<double>(sums[static_cast<std::size_t>(column)]) / (across_ * across_);
+    }
+    return true;
+  }
+
+  /// To the places of kernels::bilinear().
+  Eigen::Matrix3d scaled() const {
+    Eigen::Matrix3d places_H_cells = image_H_cells_;
+    places_H_cells.topRows<2>() *= 1 << kernels::kPlaceBits;
+    return places_H_cells;
+  }
+
   const ImageView& image_;
   const Lens& lens_;
   const Eigen::Matrix3d& image_H_cells_;
   int across_;
 };
-
-/// Visits the paper just outside of a ring, where the image shows it: place, (0, 0) the middle of
-/// the first cell, and grey.
-template <typename Visit>
-void for_paper_around(const CellSampler& sampler, int m, const Visit& visit) {
-  for (int i = 0; i < m; ++i) {
-    const double along = i + 0.5;
-    for (const auto& [x, y] : std::array<std::pair<double, double>, 4>{
-             {{along, -0.5}, {along, m + 0.5}, {-0.5, along}, {m + 0.5, along}}})
-      if (const auto grey = sampler.grey_at(x, y)) visit(x - 0.5, y - 0.5, *grey);
-  }
-}
 
 /// What a cell gives to each of the two neighbours along a row or a column.
 double share_of_blur(double cell_px, double blur_px) {
@@ -144,8 +199,9 @@ bool has_bright_cells(const ImageView& image, const Quad& corners, int n) {
   image_H_cells.leftCols<2>() /= m;
   const auto grey_at = [&](double x, double y) -> int {
     const Eigen::Vector3d h = image_H_cells * Eigen::Vector3d(x, y, 1.0);
-    const int column = static_cast<int>(std::lround(h.x() / h.z()));
-    const int row = static_cast<int>(std::lround(h.y() / h.z()));
+    const double scale = 1.0 / h.z();
+    const int column = static_cast<int>(h.x() * scale + 0.5);
+    const int row = static_cast<int>(h.y() * scale + 0.5);
     return image(std::clamp(column, 0, image.width() - 1), std::clamp(row, 0, image.height() - 1));
   };
   std::array<int, 4 * (Code::kMaxCells + 2)> ring{};
@@ -176,23 +232,37 @@ bool has_bright_cells(const ImageView& image, const Quad& corners, int n) {
   return 100 * (brightest - black) >= kLeastShare * (white - black);
 }
 
-std::optional<CellGrid> read_cells(const ImageView& image, const Lens& lens,
-                                   const Eigen::Matrix3d& image_H_cells, int n, double cell_px,
-                                   double blur_px, bool child, int least_black) {
+std::optional<CellGreys> sample_cells(const ImageView& image, const Lens& lens,
+                                      const Eigen::Matrix3d& image_H_cells, int n, double cell_px) {
   const CellSampler sampler(image, lens, image_H_cells, cell_px);
   const int m = n + 2;
-  CellGrid grid;
-  grid.cells = n;
+  std::optional<CellGreys> seen(std::in_place);
+  seen->greys.cells = n;
+  seen->cell_px = cell_px;
+  if (!sampler.means(m, seen->greys.values())) return std::nullopt;
+  for (int i = 0; i < m; ++i) {
+    const double along = i + 0.5;
+    for (const auto& [x, y] : std::array<std::pair<double, double>, 4>{
+             {{along, -0.5}, {along, m + 0.5}, {-0.5, along}, {m + 0.5, along}}})
+      if (const auto grey = sampler.grey_at(x, y))
+        seen->paper[seen->paper_seen++] = {x - 0.5, y - 0.5, *grey};
+  }
+  return seen;
+}
+
+std::optional<CellGrid> read_cells(const CellGreys& seen, double blur_px, bool child,
+                                   int least_black) {
+  const int n = seen.greys.cells;
+  const int m = n + 2;
+  std::optional<CellGrid> result(seen.greys);
+  CellGrid& grid = *result;
   const std::span<double> values = grid.values();
   PlaneFit ring;
   for (int row = 0; row < m; ++row)
-    for (int column = 0; column < m; ++column) {
-      const auto mean = sampler.cell_mean(row, column);
-      if (!mean) return std::nullopt;
-      values[static_cast<std::size_t>(row * m + column)] = *mean;
-      if (on_ring(row, column, m)) ring.add(column, row, *mean);
-    }
-  unmix(values, m, share_of_blur(cell_px, blur_px));
+    for (int column = 0; column < m; ++column)
+      if (on_ring(row, column, m))
+        ring.add(column, row, values[static_cast<std::size_t>(row * m + column)]);
+  unmix(values, m, share_of_blur(seen.cell_px, blur_px));
 
   const Plane ring_level = ring.solve();
   if (child) {
@@ -212,56 +282,40 @@ std::optional<CellGrid> read_cells(const ImageView& image, const Lens& lens,
     double black = 0.0;
     for (int i = 0; i < darkest; ++i) black += ratios[static_cast<std::size_t>(i)] / darkest;
     grid.contrast = (1.0 - black) * ring_level(0.5 * (m - 1), 0.5 * (m - 1));
-    if (grid.contrast < kMinContrast) return grid;
+    if (grid.contrast < kMinContrast) return result;
     for (double& value : values) value = (value - black) / (1.0 - black);
-    return grid;
+    return result;
   }
   // White is the paper just outside of the black ring, where the image shows it.
+  if (seen.paper_seen < static_cast<std::size_t>(2 * m)) return std::nullopt;
   PlaneFit paper;
-  int seen = 0;
-  for_paper_around(sampler, m, [&](double x, double y, double grey) {
-    paper.add(x, y, grey);
-    ++seen;
-  });
-  if (seen < 2 * m) return std::nullopt;
+  for (std::size_t i = 0; i < seen.paper_seen; ++i)
+    paper.add(seen.paper[i].x(), seen.paper[i].y(), seen.paper[i].z());
   const Plane paper_level = paper.solve();
   const double middle = 0.5 * (m - 1);
   grid.contrast = paper_level(middle, middle) - ring_level(middle, middle);
-  if (grid.contrast < kMinContrast) return grid;
+  if (grid.contrast < kMinContrast) return result;
   for (int row = 0; row < m; ++row)
     for (int column = 0; column < m; ++column) {
       double& value = values[static_cast<std::size_t>(row * m + column)];
       const double black = ring_level(column, row);
       value = (value - black) / std::max(kMinContrast, paper_level(column, row) - black);
     }
-  return grid;
+  return result;
 }
 
-std::optional<ShadedCells> read_shaded_cells(const ImageView& image, const Lens& lens,
-                                             const Eigen::Matrix3d& image_H_cells, int n,
-                                             double cell_px, double blur_px) {
+std::optional<ShadedCells> read_shaded_cells(const CellGreys& seen, double blur_px) {
   // Dirt, glare and blur may spoil some of the ring's cells and of the paper's places.
   constexpr double kSpoilt = 0.08;
   // Children and blur make white cells darker than paper, black ones stay as dark as the ring.
   constexpr double kBetween = 0.3;
-  const CellSampler sampler(image, lens, image_H_cells, cell_px);
-  const int m = n + 2;
-  ShadedCells shaded;
-  shaded.greys.cells = n;
-  const std::span<double> values = shaded.greys.values();
-  for (int row = 0; row < m; ++row)
-    for (int column = 0; column < m; ++column) {
-      const auto mean = sampler.cell_mean(row, column);
-      if (!mean) return std::nullopt;
-      values[static_cast<std::size_t>(row * m + column)] = *mean;
-    }
-  unmix(values, m, share_of_blur(cell_px, blur_px));
-  for_paper_around(sampler, m, [&](double x, double y, double grey) {
-    shaded.paper[shaded.paper_seen++] = {x, y, grey};
-  });
-  if (shaded.paper_seen < static_cast<std::size_t>(2 * m)) return std::nullopt;
+  const int m = seen.greys.cells + 2;
+  if (seen.paper_seen < static_cast<std::size_t>(2 * m)) return std::nullopt;
+  ShadedCells shaded{seen};
+  const std::span<double> values = shaded.seen.greys.values();
+  unmix(values, m, share_of_blur(seen.cell_px, blur_px));
 
-  std::array<double, CellGrid::kMost> sorted;
+  std::array<double, CellGrid::kMost> sorted{};
   const auto at_share = [&](std::size_t count, double share) {
     const auto i = static_cast<std::ptrdiff_t>(share * static_cast<double>(count - 1));
     std::nth_element(sorted.begin(), sorted.begin() + i,
@@ -275,8 +329,8 @@ std::optional<ShadedCells> read_shaded_cells(const ImageView& image, const Lens&
         sorted[count++] = values[static_cast<std::size_t>(row * m + column)];
   const double brightest_black = at_share(count, 1.0 - kSpoilt);
   shaded.black = at_share(count, 0.5);
-  for (std::size_t i = 0; i < shaded.paper_seen; ++i) sorted[i] = shaded.paper[i].z();
-  const double darkest_white = at_share(shaded.paper_seen, kSpoilt);
+  for (std::size_t i = 0; i < seen.paper_seen; ++i) sorted[i] = seen.paper[i].z();
+  const double darkest_white = at_share(seen.paper_seen, kSpoilt);
   if (darkest_white - brightest_black < kMinContrast) return std::nullopt;
   shaded.threshold = brightest_black + kBetween * (darkest_white - brightest_black);
   return shaded;
@@ -285,21 +339,23 @@ std::optional<ShadedCells> read_shaded_cells(const ImageView& image, const Lens&
 CellGrid in_even_light(const ShadedCells& shaded, const std::vector<double>& predicted, int turns) {
   constexpr double kWhite = 0.5;
   constexpr std::size_t kNeighbours = 5;
-  const int m = shaded.greys.cells + 2;
+  const auto& [greys, cell_px, paper, paper_seen] = shaded.seen;
+  const int m = greys.cells + 2;
   // Where light is known: place and grey of white paper above black.
-  std::array<Eigen::Vector3d, CellGrid::kMost + std::tuple_size_v<decltype(shaded.paper)>> lights;
+  std::array<Eigen::Vector3d, CellGrid::kMost + std::tuple_size_v<decltype(CellGreys::paper)>>
+      lights;
   std::size_t known = 0;
-  for (std::size_t i = 0; i < shaded.paper_seen; ++i)
-    lights[known++] = shaded.paper[i] - Eigen::Vector3d(0.0, 0.0, shaded.black);
+  for (std::size_t i = 0; i < paper_seen; ++i)
+    lights[known++] = paper[i] - Eigen::Vector3d(0.0, 0.0, shaded.black);
   for (int row = 0; row < m; ++row)
     for (int column = 0; column < m; ++column) {
       const double white = predicted[upright_cell(row, column, turns, m)];
       if (white < kWhite) continue;
-      const double grey = shaded.greys.values()[static_cast<std::size_t>(row * m + column)];
+      const double grey = greys.values()[static_cast<std::size_t>(row * m + column)];
       lights[known++] = {double(column), double(row), (grey - shaded.black) / white};
     }
   CellGrid even;
-  even.cells = shaded.greys.cells;
+  even.cells = greys.cells;
   for (int row = 0; row < m; ++row)
     for (int column = 0; column < m; ++column) {
       // The nearest others, and their median.
@@ -316,7 +372,7 @@ CellGrid in_even_light(const ShadedCells& shaded, const std::vector<double>& pre
                 [](const auto& a, const auto& b) { return a.second < b.second; });
       const double light = std::max(kMinContrast, nearest[kNeighbours / 2].second);
       const auto at = static_cast<std::size_t>(row * m + column);
-      even.values()[at] = (shaded.greys.values()[at] - shaded.black) / light;
+      even.values()[at] = (greys.values()[at] - shaded.black) / light;
     }
   return even;
 }

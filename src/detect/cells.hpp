@@ -43,31 +43,38 @@ bool has_bright_cells(const ImageView& image, const Quad& corners, int n);
 /// cell of the upright one, row-first.
 std::size_t upright_cell(int row, int column, int turns, int m);
 
-/// Reads the cells of a parent (black ring, white paper around it) or a child (white ring).
-/// `image_H_cells` maps cell coordinates, (0, 0) … (n+2, n+2), to ideal pixels; `cell_px` is the
-/// least side of a cell in pixels, `blur_px` the standard deviation of the blur that is taken off
-/// again. `least_black` is the least number of black cells in a code of this kind. Empty if part of
-/// it lies outside of the image.
-std::optional<CellGrid> read_cells(const ImageView& image, const Lens& lens,
-                                   const Eigen::Matrix3d& image_H_cells, int n, double cell_px,
-                                   double blur_px, bool child, int least_black);
+/// Grey levels of a quad's cells, and of the paper around, as the image shows them.
+struct CellGreys {
+  CellGrid greys;        ///< not yet related to black and white
+  double cell_px = 0.0;  ///< the least side of a cell in pixels
+  /// Of the paper just outside of the ring, as far as it is in the image, and where: in cells,
+  /// (0, 0) the middle of the first.
+  std::array<Eigen::Vector3d, 4 * (Code::kMaxCells + 2)> paper;
+  std::size_t paper_seen = 0;
+};
+
+/// Samples the cells of a quad. `image_H_cells` maps cell coordinates, (0, 0) … (n+2, n+2), to
+/// ideal pixels. Empty if part of it lies outside of the image.
+std::optional<CellGreys> sample_cells(const ImageView& image, const Lens& lens,
+                                      const Eigen::Matrix3d& image_H_cells, int n, double cell_px);
+
+/// The cells of a parent (black ring, white paper around it) or a child (white ring). `blur_px` is
+/// the standard deviation of the blur that is taken off again, `least_black` the least number of
+/// black cells in a code of this kind. Empty if too little of a parent's paper is in the image.
+std::optional<CellGrid> read_cells(const CellGreys& seen, double blur_px, bool child,
+                                   int least_black);
 
 /// A parent's cells where light changes abruptly, at a shadow's edge: paper in shade need not be
 /// brighter than the middle between black and white in the sun, but it is brighter than any black.
 struct ShadedCells {
-  CellGrid greys;  ///< grey levels, not yet related to black and white
-  /// Grey levels of the paper around the ring, and where: in cells, (0, 0) the middle of the first.
-  std::array<Eigen::Vector3d, 4 * (Code::kMaxCells + 2)> paper;
-  std::size_t paper_seen = 0;
+  CellGreys seen;          ///< without blur
   double black = 0.0;      ///< of the ring, the middle one
   double threshold = 0.0;  ///< between all of the ring's greys and all of the paper's
 };
 
-/// Reads the cells of a parent as read_cells() does. Empty if part of it lies outside of the image,
-/// or if some of the paper around it is no brighter than the ring.
-std::optional<ShadedCells> read_shaded_cells(const ImageView& image, const Lens& lens,
-                                             const Eigen::Matrix3d& image_H_cells, int n,
-                                             double cell_px, double blur_px);
+/// Reads the cells of a parent as read_cells() does. Empty if too little of the paper around it is
+/// in the image, or if some of that is no brighter than the ring.
+std::optional<ShadedCells> read_shaded_cells(const CellGreys& seen, double blur_px);
 
 /// The cells in units of the light nearby, 0 black … 1 white, if they are those predicted for a
 /// marker that is turned clockwise `turns` times: light is what white cells and paper around show.

@@ -100,7 +100,6 @@ struct Reading {
 struct CellPlaces {
   Eigen::Matrix3d image_H_cells;  // (0, 0) ... (n+2, n+2) to ideal pixels
   double cell_px;                 // the least side
-  double blur_px;
 };
 
 /// What one of those who work needs of its own.
@@ -169,13 +168,14 @@ struct Detector::Impl {
   template <typename Agreement>
   Rejection look_up(Candidate& candidate, const Codebook& book, std::uint64_t bits,
                     const Agreement& agreement, Scratch& own) const;
-  Rejection read(const ImageView& image, Candidate& candidate, const Codebook& book,
-                 const CellPlaces& places, Scratch& own) const;
-  Rejection read_shaded(const ImageView& image, Candidate& candidate, const Codebook& book,
-                        const CellPlaces& places, Scratch& own) const;
-  Rejection identify(const ImageView& image, Candidate& candidate, const Codebook& book,
-                     const detect::FittedQuad& fitted, double blur_px, std::size_t index,
-                     Scratch& own) const;
+  Rejection read(Candidate& candidate, const Codebook& book, const detect::CellGreys& seen,
+                 double blur_px, Scratch& own) const;
+  Rejection read_shaded(Candidate& candidate, const Codebook& book, const detect::CellGreys& seen,
+                        double blur_px, Scratch& own) const;
+  Rejection decode(const ImageView& image, Candidate& candidate, const Codebook& book,
+                   const detect::FittedQuad& fitted, std::size_t index, Scratch& own) const;
+  Rejection identify(Candidate& candidate, const Codebook& book, const detect::FittedQuad& fitted,
+                     const CellPlaces& places, std::size_t index, Scratch& own) const;
   void recover(const ImageView& image, DetectionTrace* trace);
   bool add_recovered(const detect::Recovered& recovered);
   void settle(std::vector<Detection>& detections);
@@ -258,15 +258,14 @@ Rejection Detector::Impl::look_up(Candidate& candidate, const Codebook& book, st
   return Rejection::none;
 }
 
-Rejection Detector::Impl::read(const ImageView& image, Candidate& candidate, const Codebook& book,
-                               const CellPlaces& places, Scratch& own) const {
+Rejection Detector::Impl::read(Candidate& candidate, const Codebook& book,
+                               const detect::CellGreys& seen, double blur_px, Scratch& own) const {
   const int n = book.cells();
   const bool child = candidate.hole;
-  const auto grid = detect::read_cells(image, lens, places.image_H_cells, n, places.cell_px,
-                                       places.blur_px, child, least_black.at({child, n}));
+  const auto grid = detect::read_cells(seen, blur_px, child, least_black.at({child, n}));
   char words[96];
   if (!grid) {
-    note(candidate, "its cells are not all in the image");
+    note(candidate, "the paper around it is not in the image");
     return Rejection::shape;
   }
   if (grid->contrast < detect::kMinContrast) {
@@ -292,17 +291,16 @@ Rejection Detector::Impl::read(const ImageView& image, Candidate& candidate, con
 }
 
 /// Where a shadow's edge runs across a parent.
-Rejection Detector::Impl::read_shaded(const ImageView& image, Candidate& candidate,
-                                      const Codebook& book, const CellPlaces& places,
+Rejection Detector::Impl::read_shaded(Candidate& candidate, const Codebook& book,
+                                      const detect::CellGreys& seen, double blur_px,
                                       Scratch& own) const {
-  const auto shaded = detect::read_shaded_cells(image, lens, places.image_H_cells, book.cells(),
-                                                places.cell_px, places.blur_px);
+  const auto shaded = detect::read_shaded_cells(seen, blur_px);
   if (!shaded) return Rejection::contrast;
   const auto agreement = [&](const std::vector<double>& cells, int turns) {
     return detect::agreement(detect::in_even_light(*shaded, cells, turns), cells, turns);
   };
-  const Rejection why =
-      look_up(candidate, book, detect::read_bits(shaded->greys, shaded->threshold), agreement, own);
+  const Rejection why = look_up(
+      candidate, book, detect::read_bits(shaded->seen.greys, shaded->threshold), agreement, own);
   if (why != Rejection::none) return why;
   // Light of any kind explains more: as much as a corrected bit.
   return own.reading.quality < required_quality(own.reading.match.errors + 1) ? Rejection::quality
@@ -311,9 +309,9 @@ Rejection Detector::Impl::read_shaded(const ImageView& image, Candidate& candida
 
 /// Decodes a fitted quad against one book. On success the detection is added to what was found by
 /// one of those who work.
-Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
-                                   const Codebook& book, const detect::FittedQuad& fitted,
-                                   double blur_px, std::size_t index, Scratch& own) const {
+Rejection Detector::Impl::decode(const ImageView& image, Candidate& candidate, const Codebook& book,
+                                 const detect::FittedQuad& fitted, std::size_t index,
+                                 Scratch& own) const {
   const int m = book.cells() + 2;
   const bool child = candidate.hole;
   // The quad found is the inner border of a child's line; its full square is larger if the line
@@ -322,13 +320,28 @@ Rejection Detector::Impl::identify(const ImageView& image, Candidate& candidate,
   Eigen::Matrix3d unit_of_cells;
   unit_of_cells << 1.0, 0.0, -inset, 0.0, 1.0, -inset, 0.0, 0.0, m - 2.0 * inset;
   const CellPlaces places{detect::square_homography(fitted.corners) * unit_of_cells,
-                          detect::shortest_side(fitted.corners) / (m - 2.0 * inset), blur_px};
-  Rejection why = read(image, candidate, book, places, own);
-  const bool large = detect::mean_side(fitted.corners) >= kLeastShadedSide;
-  if (why != Rejection::none && !child && large && blur_px == kSharp)
-    if (read_shaded(image, candidate, book, places, own) == Rejection::none) why = Rejection::none;
+                          detect::shortest_side(fitted.corners) / (m - 2.0 * inset)};
+  const auto seen =
+      detect::sample_cells(image, lens, places.image_H_cells, book.cells(), places.cell_px);
+  if (!seen) {
+    note(candidate, "its cells are not all in the image");
+    return Rejection::shape;
+  }
+  const double side = detect::mean_side(fitted.corners);
+  Rejection why = read(candidate, book, *seen, kSharp, own);
+  if (why != Rejection::none && !child && side >= kLeastShadedSide)
+    if (read_shaded(candidate, book, *seen, kSharp, own) == Rejection::none) why = Rejection::none;
+  if (why != Rejection::none && side < kSmallCell * m)
+    why = read(candidate, book, *seen, kSoft, own);
   if (why != Rejection::none) return why;
+  return identify(candidate, book, fitted, places, index, own);
+}
 
+/// The detection of what was read.
+Rejection Detector::Impl::identify(Candidate& candidate, const Codebook& book,
+                                   const detect::FittedQuad& fitted, const CellPlaces& places,
+                                   std::size_t index, Scratch& own) const {
+  const int m = book.cells() + 2;
   const auto& [match, quality] = own.reading;
   const int sure = std::min(options.max_bit_errors, book.safe_errors());
   const int with_relatives = std::min(options.max_bit_errors + 1, book.safe_errors());
@@ -413,10 +426,7 @@ void Detector::Impl::examine(const ImageView& image, const Shape& shape, std::si
         note(candidate, "smaller than the smallest side looked for");
         continue;
       }
-      candidate.rejection = identify(image, candidate, book, *fitted, kSharp, index, own);
-      const bool small = detect::mean_side(fitted->corners) < kSmallCell * (book.cells() + 2);
-      if (candidate.rejection != Rejection::none && small)
-        candidate.rejection = identify(image, candidate, book, *fitted, kSoft, index, own);
+      candidate.rejection = decode(image, candidate, book, *fitted, index, own);
       if (candidate.rejection == Rejection::none) break;
     }
 }
@@ -588,9 +598,10 @@ bool Detector::Impl::confirm(const ImageView& image, const detect::PredictedQuad
   Eigen::Matrix3d image_H_cells = detect::square_homography(quad.corners);
   image_H_cells.leftCols<2>() /= n + 2;
   const bool child = marker.layer > 1;
+  const auto seen = detect::sample_cells(image, lens, image_H_cells, n, cell_px);
+  if (!seen) return false;
   for (const double blur : {kSharp, kSoft}) {
-    const auto grid = detect::read_cells(image, lens, image_H_cells, n, cell_px, blur, child,
-                                         least_black.at({child, n}));
+    const auto grid = detect::read_cells(*seen, blur, child, least_black.at({child, n}));
     if (!grid || grid->contrast < detect::kMinContrast) continue;
     detection.quality = std::max(
         detection.quality,
