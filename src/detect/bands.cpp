@@ -154,7 +154,7 @@ std::optional<EdgeFilter> fit_bands(const Profile& mean, double first, double st
       EdgeFilter filter;
       filter.offset = unknowns(kOffset);
       filter.sigma = std::exp(unknowns(kBlur));
-      filter.expected = profile;
+      filter.expected = profile + jacobian * move;
       filter.fitted = unknowns;
       filter.weights = jacobian * solve(normal, Unknowns::Unit(kOffset));
       filter.by_last = filter.weights.dot(by_last);

@@ -197,11 +197,12 @@ bool has_bright_cells(const ImageView& image, const Quad& corners, int n) {
   const int m = n + 2;
   Eigen::Matrix3d image_H_cells = square_homography(corners);
   image_H_cells.leftCols<2>() /= m;
+  image_H_cells.topRows<2>().rowwise() += 0.5 * image_H_cells.row(2);  // from pixels' upper left
   const auto grey_at = [&](double x, double y) -> int {
     const Eigen::Vector3d h = image_H_cells * Eigen::Vector3d(x, y, 1.0);
     const double scale = 1.0 / h.z();
-    const int column = static_cast<int>(h.x() * scale + 0.5);
-    const int row = static_cast<int>(h.y() * scale + 0.5);
+    const int column = static_cast<int>(h.x() * scale);
+    const int row = static_cast<int>(h.y() * scale);
     return image(std::clamp(column, 0, image.width() - 1), std::clamp(row, 0, image.height() - 1));
   };
   std::array<int, 4 * (Code::kMaxCells + 2)> ring{};

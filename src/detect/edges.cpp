@@ -395,7 +395,7 @@ std::optional<FittedLine> sharpen_side(const ImageView& image, const Lens& lens,
 /// interpolation shares pixels between them. Few points can't tell and count as usual.
 double correlation_factor(const std::array<FittedLine, 4>& lines) {
   constexpr std::array<double, 2> kUsual{0.33, 0.05};
-  constexpr double kPoints = 30.0;  // that the usual is worth
+  constexpr double kPoints = 10.0;  // that the usual is worth
   // Tukey's weights fall with the residuals, whose scatter about the line they so make small.
   constexpr double kTukeyVariance = 1.16;
   std::array<double, 3> products{};
