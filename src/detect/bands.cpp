@@ -9,12 +9,13 @@ namespace {
 
 // Unknowns: the offset, the logarithm of the blur, what the first border moves besides, the light's
 // change a pixel outwards, and the levels from the inside out. With fewer borders than three the
-// last levels change nothing, and stay where they are.
+// last levels change nothing, and stay where they are. What is sampled is as exact as floats are;
+// what is solved for is not.
 constexpr int kOffset = 0, kBlur = 1, kFirst = 2, kLight = 3, kLevels = 4, kUnknowns = 8;
 using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
 using Normal = Eigen::Matrix<double, kUnknowns, kUnknowns>;
-using Jacobian = Eigen::Matrix<double, Eigen::Dynamic, kUnknowns, Eigen::ColMajor, kMaxAcross>;
-using Samples = Eigen::Array<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMaxAcross, 1>;
+using Jacobian = Eigen::Matrix<float, Eigen::Dynamic, kUnknowns, Eigen::ColMajor, kMaxAcross>;
+using Samples = Eigen::Array<float, Eigen::Dynamic, 1, Eigen::ColMajor, kMaxAcross, 1>;
 
 // What is expected beforehand, for what a profile can't tell: blur, and greys to about the
 // contrast; both weak against a profile known to about a grey level.
@@ -30,34 +31,38 @@ struct Gaussian {
   Samples integral;
 
   explicit Gaussian(const Samples& z) {
-    constexpr double kRootTwo = std::numbers::sqrt2;
-    const Samples bell = (-0.5 * z * z).exp();
-    const Samples t = (1.0 + 0.3275911 / kRootTwo * z.abs()).inverse();
+    constexpr float kRootTwo = std::numbers::sqrt2_v<float>;
+    constexpr float kPerRootPi = std::numbers::inv_sqrtpi_v<float>;
+    constexpr float kNothing = -60.0F;  // processors are slow with numbers below the normal ones
+    const Samples bell = (-0.5F * z * z).max(kNothing).exp();
+    const Samples t = (1.0F + 0.3275911F / kRootTwo * z.abs()).inverse();
     const Samples tail =
         bell * t *
-        (0.127414796 +
-         t * (-0.142248368 + t * (0.7107068705 + t * (-0.7265760135 + t * 0.5307027145))));
-    density = bell / (kRootTwo * std::sqrt(std::numbers::pi));
+        (0.127414796F +
+         t * (-0.142248368F + t * (0.7107068705F + t * (-0.7265760135F + t * 0.5307027145F))));
+    density = kPerRootPi / kRootTwo * bell;
     integral.resize(z.size());
-    for (Eigen::Index k = 0; k < z.size(); ++k) integral(k) = z(k) < 0.0 ? tail(k) : 1.0 - tail(k);
+    for (Eigen::Index k = 0; k < z.size(); ++k)
+      integral(k) = z(k) < 0.0F ? tail(k) : 1.0F - tail(k);
   }
 };
 
 /// The profile that the unknowns predict, with its derivatives by them and by the last border.
-void predict(const Unknowns& unknowns, const Samples& outwards, const Bands& bands,
-             Profile& profile, Jacobian& jacobian, Profile& by_last) {
-  const double sigma = std::exp(unknowns(kBlur));
+void predict(const Unknowns& exact, const Samples& outwards, const Bands& bands, Samples& profile,
+             Jacobian& jacobian, Samples& by_last) {
+  const Eigen::Matrix<float, kUnknowns, 1> unknowns = exact.cast<float>();
+  const float sigma = std::exp(unknowns(kBlur));
   profile.setConstant(unknowns(kLevels));
   jacobian.setZero();
   jacobian.col(kLevels).setOnes();
   for (int b = 0; b < bands.count; ++b) {
-    const double border = bands.borders[static_cast<std::size_t>(b)] + unknowns(kOffset) +
-                          (b == 0 ? unknowns(kFirst) : 0.0);
-    const double rise = unknowns(kLevels + b + 1) - unknowns(kLevels + b);
+    const float border = static_cast<float>(bands.borders[static_cast<std::size_t>(b)]) +
+                         unknowns(kOffset) + (b == 0 ? unknowns(kFirst) : 0.0F);
+    const float rise = unknowns(kLevels + b + 1) - unknowns(kLevels + b);
     const Samples z = (outwards - border) / sigma;
     const Gaussian gaussian(z);
     const Samples by_border = -rise / sigma * gaussian.density;
-    profile.array() += rise * gaussian.integral;
+    profile += rise * gaussian.integral;
     jacobian.col(kOffset).array() += by_border;
     if (b == 0) jacobian.col(kFirst) = by_border;
     if (b == bands.count - 1) by_last = by_border;
@@ -65,11 +70,11 @@ void predict(const Unknowns& unknowns, const Samples& outwards, const Bands& ban
     jacobian.col(kLevels + b).array() -= gaussian.integral;
     jacobian.col(kLevels + b + 1) = gaussian.integral;
   }
-  const Samples light = 1.0 + unknowns(kLight) * outwards;
+  const Samples light = 1.0F + unknowns(kLight) * outwards;
   for (int unknown = 0; unknown < kUnknowns; ++unknown) jacobian.col(unknown).array() *= light;
-  jacobian.col(kLight) = profile.array() * outwards;
-  by_last.array() *= light;
-  profile.array() *= light;
+  jacobian.col(kLight) = profile * outwards;
+  by_last *= light;
+  profile *= light;
 }
 
 /// Cholesky's factors L D L^T of a positive definite matrix, in place: L below the diagonal, D on
@@ -125,20 +130,23 @@ std::optional<EdgeFilter> fit_bands(const Profile& mean, double first, double st
   trust(kFirst) = 1.0 / (bands.first_spread * bands.first_spread + 1e-6);
 
   Unknowns unknowns = start ? start->fitted : expected;
-  const auto outwards =
-      Samples::LinSpaced(mean.size(), first, first + static_cast<double>(mean.size() - 1) * step)
-          .eval();
-  Profile profile(mean.size()), by_last(mean.size());
+  Samples outwards(mean.size());
+  for (Eigen::Index k = 0; k < mean.size(); ++k)
+    outwards(k) = static_cast<float>(first + static_cast<double>(k) * step);
+  Samples profile(mean.size()), by_last(mean.size());
   Jacobian jacobian(mean.size(), kUnknowns);
   for (int i = 0; i < kIterations; ++i) {
     predict(unknowns, outwards, bands, profile, jacobian, by_last);
+    const auto sum_of_products = [](const auto& a, const auto& b) {
+      return static_cast<double>((a.array() * b.array()).sum());
+    };
     Normal normal;
     Unknowns right = trust.cwiseProduct(expected - unknowns);
-    const Profile left = mean - profile;
+    const Samples left = mean.cast<float>().array() - profile;
     for (int a = 0; a < kUnknowns; ++a) {
-      for (int b = 0; b <= a; ++b) normal(a, b) = jacobian.col(a).dot(jacobian.col(b));
+      for (int b = 0; b <= a; ++b) normal(a, b) = sum_of_products(jacobian.col(a), jacobian.col(b));
       normal(a, a) += trust(a);
-      right(a) += jacobian.col(a).dot(left);
+      right(a) += sum_of_products(jacobian.col(a), left);
     }
     factor(normal);
     Unknowns move = solve(normal, right);
@@ -154,10 +162,13 @@ std::optional<EdgeFilter> fit_bands(const Profile& mean, double first, double st
       EdgeFilter filter;
       filter.offset = unknowns(kOffset);
       filter.sigma = std::exp(unknowns(kBlur));
-      filter.expected = profile + jacobian * move;
+      const auto along = [&](const Unknowns& direction) -> Profile {
+        return jacobian.lazyProduct(direction.cast<float>().eval()).cast<double>();
+      };
+      filter.expected = profile.matrix().cast<double>() + along(move);
       filter.fitted = unknowns;
-      filter.weights = jacobian * solve(normal, Unknowns::Unit(kOffset));
-      filter.by_last = filter.weights.dot(by_last);
+      filter.weights = along(solve(normal, Unknowns::Unit(kOffset)));
+      filter.by_last = filter.weights.dot(by_last.matrix().cast<double>());
       return filter;
     }
   }
