@@ -15,6 +15,7 @@
 #include "detect/kernels/band_bits.hpp"
 #include "detect/kernels/bilinear.hpp"
 #include "detect/kernels/clean_steps.hpp"
+#include "detect/kernels/explained_blocks.hpp"
 #include "detect/kernels/halve.hpp"
 #include "detect/kernels/outline.hpp"
 #include "detect/kernels/region_tops.hpp"
@@ -542,6 +543,50 @@ TEST(Kernels, SpreadBitsAreTheSameOnEveryTarget) {
       spread_bits_scalar(bits.data() + 1, words, by_hand.data());
       ASSERT_EQ(spread, by_hand) << words;
     }
+  });
+}
+
+TEST(Kernels, ExplainedBlocksKnownByHand) {
+  // Three blocks of two texels: off by nothing; by 3 and 4, or 25; by 5 and 1, or 26. Two are
+  // marked.
+  const std::int16_t seen[] = {10, 13, 15, 20, 16, 21};
+  const std::int16_t predicted[] = {10, 10, 10, 20, 20, 20};
+  const std::uint8_t marked[] = {0, 1, 1};
+  const Explained close = explained_blocks(seen, predicted, marked, 3, 2, 25);
+  EXPECT_EQ(close.all, 2);
+  EXPECT_EQ(close.marked, 1);
+  const Explained closer = explained_blocks(seen, predicted, marked, 3, 2, 24);
+  EXPECT_EQ(closer.all, 1);
+  EXPECT_EQ(closer.marked, 0);
+}
+
+TEST(Kernels, ExplainedBlocksAreTheSameOnEveryTarget) {
+  on_every_target([] {
+    std::mt19937 random(3);
+    constexpr int kTexels = 16;
+    int explained = 0;
+    for (int count = 1; count <= 150; ++count) {
+      const auto all = static_cast<std::size_t>(kTexels * count);
+      std::vector<std::int16_t> seen(all);
+      std::vector<std::int16_t> predicted(all);
+      std::vector<std::uint8_t> marked(static_cast<std::size_t>(count));
+      // About as far apart as the limit, but for some that are very far.
+      for (std::size_t i = 0; i < all; ++i) {
+        predicted[i] = static_cast<std::int16_t>(random() % 256U);
+        seen[i] = static_cast<std::int16_t>(predicted[i] + static_cast<int>(random() % 140U) - 70);
+        if (random() % 64U == 0U) seen[i] = static_cast<std::int16_t>(random() % 2U ? 1020 : -1020);
+      }
+      for (std::uint8_t& mark : marked) mark = static_cast<std::uint8_t>(random() % 2U);
+      const Explained fast =
+          explained_blocks(seen.data(), predicted.data(), marked.data(), count, kTexels, 26634);
+      const Explained plain = explained_blocks_scalar(seen.data(), predicted.data(), marked.data(),
+                                                      count, kTexels, 26634);
+      ASSERT_EQ(fast.all, plain.all) << count;
+      ASSERT_EQ(fast.marked, plain.marked) << count;
+      explained += fast.all;
+    }
+    EXPECT_GT(explained, 1000);
+    EXPECT_LT(explained, 10000);
   });
 }
 

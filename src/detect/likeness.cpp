@@ -4,10 +4,13 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 
 #include <Eigen/Geometry>
 
+#include "detect/kernels/bilinear.hpp"
+#include "detect/kernels/explained_blocks.hpp"
 #include "detect/sample.hpp"
 
 namespace harco::detect {
@@ -28,7 +31,6 @@ constexpr float kFarOff = 4.0F;
 // Blur of the lens (pixels of the image), and of pixels and interpolation (pixels of a level).
 constexpr double kLensBlur = 0.6;
 constexpr double kPixelBlur = 0.5;
-constexpr std::size_t kMostBlocks = (kAcross / kSide) * (kAcross / kSide);
 // So far blur reaches at most, texels.
 constexpr int kMostReach = 8;
 
@@ -96,9 +98,19 @@ void unwarp(const Pyramid& image, const Lens& lens, const Registration& registra
     // A straight row whose ends are in the image is wholly so, but for rounding.
     constexpr float kRounding = 0.01F;
     const bool whole = !lens.bends() && among(0, kRounding) && among(count - 1, kRounding);
-    for (std::size_t k = 0; k < count; ++k)
-      texels[k] = whole || among(k, 0.0F) ? sample_among(view, places.x[k], places.y[k])
-                                          : std::numeric_limits<float>::quiet_NaN();
+    if (whole) {
+      std::array<std::int32_t, kAcross> x;
+      std::array<std::int32_t, kAcross> y;
+      for (std::size_t k = 0; k < count; ++k) {
+        x[k] = kernels::place_of(places.x[k]);
+        y[k] = kernels::place_of(places.y[k]);
+      }
+      kernels::bilinear(view, x.data(), y.data(), 0, 0, static_cast<int>(count), texels);
+    } else {
+      for (std::size_t k = 0; k < count; ++k)
+        texels[k] = among(k, 0.0F) ? sample_among(view, places.x[k], places.y[k])
+                                   : std::numeric_limits<float>::quiet_NaN();
+    }
     for (std::size_t k = 0; k < count; ++k) {
       const auto along = static_cast<float>(static_cast<int>(k));
       texels[k] = (texels[k] - (black + along * black_rise)) / (contrast + along * contrast_rise);
@@ -229,22 +241,10 @@ void blur_picture(const Texels& picture, double sigma, int cells, Texels& scratc
 Likeness likeness(const Blocks& image, const BlurredPicture& picture) {
   constexpr int kMost =
       static_cast<int>(Blocks::kTexels * kExplained * kExplained * kWhite * kWhite);
-  const std::size_t count = image.count();
-  const std::int16_t* const seen = image.texels.data();
-  const std::int16_t* const predicted = picture.blocks.texels.data();
-  std::array<int, kMostBlocks> off{};
-  for (std::size_t k = 0; k < Blocks::kTexels; ++k)
-    for (std::size_t i = 0; i < count; ++i) {
-      const int away = seen[k * count + i] - predicted[k * count + i];
-      off[i] += away * away;
-    }
-  Likeness total;
-  for (std::size_t i = 0; i < count; ++i) {
-    const int explained = off[i] <= kMost ? 1 : 0;
-    total.patterned += explained & picture.patterned[i];
-    total.even += explained & ~picture.patterned[i];
-  }
-  return total;
+  const kernels::Explained explained = kernels::explained_blocks(
+      image.texels.data(), picture.blocks.texels.data(), picture.patterned.data(),
+      static_cast<int>(image.count()), Blocks::kTexels, kMost);
+  return {explained.marked, explained.all - explained.marked};
 }
 
 }  // namespace harco::detect

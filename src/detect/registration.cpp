@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <utility>
 
 #include <Eigen/Cholesky>
@@ -9,6 +10,7 @@
 #include <Eigen/LU>
 
 #include "detect/cells.hpp"
+#include "detect/kernels/bilinear.hpp"
 #include "detect/sample.hpp"
 #include "detect/square_homography.hpp"
 
@@ -124,11 +126,14 @@ class Profile {
     const Eigen::Vector2f last = first + static_cast<float>(count_ - 1) * step;
     if (!among_pixels(image, first.x(), first.y()) || !among_pixels(image, last.x(), last.y()))
       return false;
+    std::array<std::int32_t, kMost> x;
+    std::array<std::int32_t, kMost> y;
     for (int k = 0; k < count_; ++k) {
       const auto along = static_cast<float>(k);
-      grey_[static_cast<std::size_t>(k)] =
-          sample_among(image, first.x() + along * step.x(), first.y() + along * step.y());
+      x[static_cast<std::size_t>(k)] = kernels::place_of(first.x() + along * step.x());
+      y[static_cast<std::size_t>(k)] = kernels::place_of(first.y() + along * step.y());
     }
+    kernels::bilinear(image, x.data(), y.data(), 0, 0, count_, grey_.data());
     return true;
   }
 

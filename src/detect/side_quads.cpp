@@ -14,7 +14,7 @@ namespace harco::detect {
 namespace {
 
 // Lines that take part; the search for quads grows with their fourth power at worst.
-constexpr std::size_t kMostLines = 72;
+constexpr int kMostLines = 72;
 // Segments are parts of one line if their directions differ by less than this (radians) and their
 // ends lie no farther from it than this (pixels, and share of the distance).
 constexpr double kSameDirection = 0.12;
@@ -226,15 +226,34 @@ bool SideQuadFinder::begins_at(const Line& line, double at) const {
 void SideQuadFinder::find_turns() {
   turns_.clear();
   turns_from_.clear();
-  for (const Line& a : lines_) {
+  // All lines at once; where there is no line, nothing turns.
+  using Values = Eigen::Array<float, kMostLines, 1>;
+  std::array<Values, 4> values;
+  for (Values& of_lines : values) of_lines.setZero();
+  auto& [x, y, dark, bright] = values;
+  for (std::size_t i = 0; i < lines_.size(); ++i) {
+    const auto at = static_cast<Eigen::Index>(i);
+    x(at) = static_cast<float>(lines_[i].direction.x());
+    y(at) = static_cast<float>(lines_[i].direction.y());
+    dark(at) = static_cast<float>(lines_[i].dark);
+    bright(at) = static_cast<float>(lines_[i].bright);
+  }
+  const Values slack = static_cast<float>(kSameLevel) * (bright - dark);
+  for (std::size_t from = 0; from < lines_.size(); ++from) {
+    const auto at = static_cast<Eigen::Index>(from);
+    const Line& a = lines_[from];
+    // The sine of the angle between both, and whether they are in one light (see same_light()).
+    const Values sine = x(at) * y - y(at) * x;
+    const Values off = (dark - dark(at)).abs().max((bright - bright(at)).abs());
+    const Values most = slack.min(slack(at));
+    const Values margin = (sine - static_cast<float>(kLeastSine)).min(most - off);
     Range range{turns_.size(), turns_.size()};
     for (std::size_t to = 0; to < lines_.size(); ++to) {
+      if (!(margin(static_cast<Eigen::Index>(to)) > 0.0F)) continue;
       const Line& b = lines_[to];
-      const double sine = cross(a.direction, b.direction);
-      if (sine < kLeastSine || !same_light(a, b)) continue;
       Turn turn;
       turn.to = to;
-      turn.on_from = cross(b.point - a.point, b.direction) / sine;
+      turn.on_from = cross(b.point - a.point, b.direction) / cross(a.direction, b.direction);
       turn.corner = a.point + turn.on_from * a.direction;
       turn.on_to = b.direction.dot(turn.corner - b.point);
       if (ends_by(a, turn.on_from) && begins_at(b, turn.on_to)) turns_.push_back(turn);

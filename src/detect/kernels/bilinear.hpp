@@ -9,6 +9,10 @@ namespace harco::detect::kernels {
 
 /// Places are counted in 2048ths of a pixel from the centre of the image's first one.
 inline constexpr int kPlaceBits = 11;
+/// Of a coordinate that isn't negative, rounded down.
+inline std::int32_t place_of(float pixels) {
+  return static_cast<std::int32_t>(static_cast<float>(1 << kPlaceBits) * pixels);
+}
 
 /// Bilinear interpolation at (x[i] + dx, y[i] + dy), i < count. Of each place, the pixels to the
 /// right and below have to be in the image as well.

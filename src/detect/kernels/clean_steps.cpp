@@ -36,8 +36,8 @@ void clean_steps_of(const EightSamples& samples, int count, int least_contrast,
     return;
   }
   const auto too_little = hn::Set(bytes, static_cast<std::uint8_t>(least_contrast - 1));
-  for (int i = 0; i < whole; i += lanes) {
-    const int at = std::min(i, whole - lanes);
+  // Of `lanes` places from `at` on, into so many bits.
+  const auto find = [&](int at, std::uint8_t* up_bits, std::uint8_t* down_bits) HWY_ATTR {
     const auto b = hn::LoadU(bytes, samples[2] + at);
     const auto c = hn::LoadU(bytes, samples[3] + at);
     const auto d = hn::LoadU(bytes, samples[4] + at);
@@ -67,14 +67,22 @@ void clean_steps_of(const EightSamples& samples, int count, int least_contrast,
     const auto passed = hn::Or(hn::And(hn::Lt(c, middle), hn::Not(hn::Lt(d, middle))),
                                hn::And(hn::Lt(d, middle), hn::Not(hn::Lt(c, middle))));
     const auto clean = hn::And(passed, hn::Not(hn::Gt(four_times, hn::Max(up, down))));
-    hn::StoreMaskBits(bytes, hn::And(clean, hn::Gt(up, too_little)), rising + at / 8);
-    hn::StoreMaskBits(bytes, hn::And(clean, hn::Gt(down, too_little)), falling + at / 8);
+    hn::StoreMaskBits(bytes, hn::And(clean, hn::Gt(up, too_little)), up_bits);
+    hn::StoreMaskBits(bytes, hn::And(clean, hn::Gt(down, too_little)), down_bits);
+  };
+  for (int i = 0; i < whole; i += lanes) {
+    const int at = std::min(i, whole - lanes);
+    find(at, rising + at / 8, falling + at / 8);
   }
   if (whole == count) return;
-  EightSamples rest = samples;
-  for (const std::uint8_t*& sample : rest) sample += whole;
-  clean_steps_scalar(rest, kEven, count - whole, least_contrast, rising + whole / 8,
-                     falling + whole / 8);
+  // The last places' bits begin within a byte.
+  std::array<std::uint8_t, 8> up_bits{};
+  std::array<std::uint8_t, 8> down_bits{};
+  find(count - lanes, up_bits.data(), down_bits.data());
+  const int left = count - whole;
+  const auto last_byte = static_cast<std::size_t>(lanes / 8 - 1);
+  rising[whole / 8] = static_cast<std::uint8_t>(up_bits[last_byte] >> (8 - left));
+  falling[whole / 8] = static_cast<std::uint8_t>(down_bits[last_byte] >> (8 - left));
 }
 
 void clean_steps_simd(const EightSamples& samples, int even, int count, int least_contrast,
