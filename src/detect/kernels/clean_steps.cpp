@@ -124,8 +124,8 @@ void clean_steps_scalar(const EightSamples& samples, int even, int count, int le
     if (contrast < least_contrast || 4 * uneven > contrast ||
         (grey(3) < middle) == (grey(4) < middle))
       continue;
-    std::uint8_t& byte = (up > down ? rising : falling)[i / 8];
-    byte = static_cast<std::uint8_t>(byte | 1U << i % 8);
+    std::uint8_t* const bits = up > down ? rising : falling;
+    bits[i / 8] = static_cast<std::uint8_t>(bits[i / 8] | 1U << i % 8);
   }
 }
 
