@@ -62,9 +62,9 @@ struct Line {
 
 /// Total least squares through the inner part of a stretch.
 std::optional<Line> fit_line(const std::vector<Point>& points, std::size_t from, std::size_t to) {
-  const std::size_t length = to - from;
-  const std::size_t skip = length / 10 + 1;
-  if (length < 2 * skip + 3) return std::nullopt;
+  const std::size_t steps = to - from;
+  const std::size_t skip = steps / 10 + 1;
+  if (steps < 2 * skip + 3) return std::nullopt;
   Point mean = Point::Zero();
   double count = 0.0;
   for (std::size_t i = from + skip; i <= to - skip; ++i, count += 1.0) mean += at(points, i);
@@ -78,10 +78,14 @@ std::optional<Line> fit_line(const std::vector<Point>& points, std::size_t from,
     xy += d.x() * d.y();
     yy += d.y() * d.y();
   }
-  const double angle = 0.5 * std::atan2(2.0 * xy, xx - yy);
-  const Point direction(std::cos(angle), std::sin(angle));
-  const double across = std::max(0.0, 0.5 * (xx + yy - std::hypot(xx - yy, 2.0 * xy)));
-  return Line{mean, direction, std::sqrt(across / count)};
+  // Half the angle of (more, both), by the longer of two vectors in that direction.
+  const double more = xx - yy;
+  const double both = 2.0 * xy;
+  const double length = std::sqrt(more * more + both * both);
+  const Point way = more > 0.0 ? Point(more + length, both) : Point(both, length - more);
+  if (!(way.squaredNorm() > 0.0)) return std::nullopt;
+  const double across = std::max(0.0, 0.5 * (xx + yy - length));
+  return Line{mean, way.normalized(), std::sqrt(across / count)};
 }
 
 /// Vertices that follow a contour most closely with four corners, as indices in rising order.
