@@ -23,6 +23,7 @@
 #include "detect/segments.hpp"
 #include "detect/side_quads.hpp"
 #include "detect/step_map.hpp"
+#include "detect/threshold.hpp"
 #include "harco/detect.hpp"
 #include "harco/dictionary.hpp"
 #include "harco/geometry.hpp"
@@ -372,6 +373,26 @@ TEST(Pyramid, HalvesAndKeepsPlaces) {
   EXPECT_LT((detect::Pyramid::in_level({5.5, 1.5}, 2) - Point(1.0, 0.0)).norm(), 1e-12);
 }
 
+TEST(Pyramid, RowsMadeByOthersAreTheSame) {
+  // Of sizes that leave a part of a band, of a pair of rows, and nothing.
+  for (const int height : {1, 2, 9, 14, 64}) {
+    Image image(70, height);
+    for (std::size_t i = 0; i < image.pixels.size(); ++i)
+      image.pixels[i] = static_cast<std::uint8_t>(i * 37 % 251);
+    detect::Pyramid alone;
+    alone.build(image.view(), 2);
+    detect::Pyramid pyramid;
+    pyramid.begin(image.view());
+    detect::Workers workers;
+    detect::Threshold threshold;
+    threshold.measure(image.view(), detect::Threshold::kAll, workers, &pyramid);
+    ASSERT_EQ(pyramid.levels(), alone.levels()) << height;
+    for (int y = 0; alone.levels() > 1 && y < height / 2; ++y)
+      for (int x = 0; x < 35; ++x)
+        ASSERT_EQ(pyramid.level(1)(x, y), alone.level(1)(x, y)) << height << ": " << x << ", " << y;
+  }
+}
+
 TEST(Quads, ThatAreNearlyOneAreOne) {
   const detect::Quad quad{{{0, 0}, {100, 0}, {100, 100}, {0, 100}}};
   const detect::Quad turned{{{100, 1}, {101, 100}, {0, 100}, {0, 0}}};
@@ -627,6 +648,32 @@ TEST(Covered, HalfWillDoAtTheImagesBorderToo) {
   const Survivors many = cover_and_look(0.5, 1000, 12, 1.75);
   EXPECT_GE(many.right, 10);
   EXPECT_EQ(many.wrong, 0);
+}
+
+// A search that the frame before has made likely gives the same as one that nobody expected.
+TEST(Covered, TheFrameBeforeChangesNothing) {
+  const MarkerSet set = layers(1);
+  const Camera camera = Camera::pinhole(750, 480, 700.0);
+  std::vector<Image> frames;
+  for (const std::uint64_t seed : {5U, 6U}) {
+    std::mt19937_64 random(seed);
+    lab::Scene scene;
+    scene.camera = camera;
+    scene.parents.push_back({0, lab::look_at_marker({0.5, 0.5}, 3.0, 0.2, 0.0, 0.0)});
+    lab::FloatImage exact = lab::render_exact(scene, set);
+    lab::draw_blobs(exact, lab::cover(1.0, 0.4, 1, random), camera,
+                    scene.parents[0].camera_T_marker, 0.6);
+    frames.push_back(lab::expose(exact, 2.0, seed));
+  }
+  Detector fresh(set, camera);
+  Detector used(set, camera);
+  used.detect(frames[0].view());
+  const std::vector<Detection> expected = fresh.detect(frames[1].view());
+  const std::vector<Detection> found = used.detect(frames[1].view());
+  ASSERT_EQ(expected.size(), 1U);
+  EXPECT_LT(expected[0].visible, 1.0);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].corners, expected[0].corners);
 }
 
 // One black square without cells, and more than are looked at.

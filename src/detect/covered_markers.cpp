@@ -80,13 +80,20 @@ void CoveredMarkers::choose_glimpses() {
   chosen_.resize(kept);
 }
 
+Pyramid* CoveredMarkers::begin(const ImageView& image, bool expected) {
+  halved_ = expected;
+  if (!expected) return nullptr;
+  pyramid_.begin(image);
+  return &pyramid_;
+}
+
 const std::vector<Recovered>& CoveredMarkers::find(const ImageView& image, const Lens& lens,
                                                    const CoveredSearch& search,
                                                    const std::vector<Quad>& quads, Workers& workers,
                                                    DetectionTrace* trace) {
   const auto pixels =
       static_cast<std::size_t>(image.width()) * static_cast<std::size_t>(image.height());
-  pyramid_.build(image, 2);
+  if (!halved_) pyramid_.build(image, 2);
   const std::size_t most = std::min(kLeastSquares + pixels / kPixelsASquare, kMostSquares);
   // One more tells whether there are more.
   const std::vector<SideQuad>& seen =

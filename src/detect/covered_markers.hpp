@@ -31,6 +31,11 @@ class CoveredMarkers {
   CoveredMarkers(const MarkerSet& markers, const std::vector<PlacedMarker>& placed,
                  const std::vector<std::vector<double>>& predicted, std::size_t workers);
 
+  /// To be told of every image before it is read. If the search is `expected`, its half picture is
+  /// to be made by Pyramid::halve while it is read; the pyramid lives until the next image. Null
+  /// otherwise: then the search does so itself.
+  Pyramid* begin(const ImageView& image, bool expected);
+
   /// The markers found, those that explain most of the image first; several may overlap. `quads`
   /// are squares known already (ideal pixels), which are tried first. Valid until the next call.
   const std::vector<Recovered>& find(const ImageView& image, const Lens& lens,
@@ -46,6 +51,7 @@ class CoveredMarkers {
   void choose_glimpses();
 
   Pyramid pyramid_;
+  bool halved_ = false;  // by others
   CoveredSquares covered_;
   std::vector<Recovery> recoveries_;  // of each of those who work
   std::vector<Quad> squares_;

@@ -209,12 +209,15 @@ struct Detector::Impl {
   bool explaining = false;  // somebody wants to know what was seen
   DetectorStatistics statistics;
   std::optional<detect::CoveredMarkers> covered;
+  bool searched_covered = false;  // in the last frame
   std::vector<Quad> squares, taken;
 };
 
 void Detector::Impl::find_shapes(const ImageView& image, DetectionTrace* trace) {
+  // The next frame is mostly like the last one.
+  detect::Pyramid* const half = covered->begin(image, searched_covered);
   shapes.find(image, {options.min_side_px, cells_across(parent_books), cells_across(child_books)},
-              workers, trace);
+              workers, half, trace);
   statistics.noise = shapes.threshold().noise();
   statistics.quads = shapes.count();
   statistics.budget_reached = shapes.shapes().size() < shapes.count();
@@ -692,7 +695,8 @@ void Detector::Impl::detect(const ImageView& image, std::vector<Detection>& dete
   const bool whole_parent = std::any_of(found.begin(), found.end(), [](const Found& one) {
     return one.detection.layer == 1 && one.standing == Standing::sure;
   });
-  if (options.covered && !whole_parent) recover(image, trace);
+  searched_covered = options.covered && !whole_parent;
+  if (searched_covered) recover(image, trace);
   settle(detections);
   workers.share(detections.size(), [&](std::size_t i, std::size_t) {
     if (detections[i].visible == 1.0) sharpen(image, detections[i]);

@@ -18,6 +18,12 @@ class Pyramid {
   void build(const ImageView& image, int most = kLevels);
   void extend(int most = kLevels);
 
+  /// Likewise a pyramid of two levels, the rows of the second of which have yet to be made: some
+  /// from first_row to before end_row at a time, where the picture has just been read anyway. Rows
+  /// beyond the last are none.
+  void begin(const ImageView& image);
+  void halve(int first_row, int end_row);
+
   /// Level 0 is the picture itself; each pixel of a level is the mean of four of the one below.
   ImageView level(int k) const;
   int levels() const { return levels_; }  ///< built; all of them hold at least one pixel
@@ -33,6 +39,7 @@ class Pyramid {
   }
 
  private:
+  Image* add_level();
   ImageView whole_;
   std::array<Image, kLevels - 1> smaller_;
   int levels_ = 0;

@@ -139,10 +139,10 @@ void ShapeFinder::look_through(Part& part, Scratch& scratch, double min_side, bo
 }
 
 void ShapeFinder::find(const ImageView& image, const ShapeLimits& limits, Workers& workers,
-                       DetectionTrace* trace) {
+                       Pyramid* half, DetectionTrace* trace) {
   index_.clear(image.width(), image.height());
   const bool islands = limits.island_cells > 0;
-  threshold_.measure(image, {islands, limits.hole_cells > 0, islands}, workers);
+  threshold_.measure(image, {islands, limits.hole_cells > 0, islands}, workers, half);
   if (trace)
     for (const Pass& pass : kPasses)
       if (is_wanted(pass, limits)) trace->binary.push_back(picture_of(threshold_.map(pass.level)));

@@ -31,10 +31,10 @@ struct ShapeLimits {
 
 class ShapeFinder {
  public:
-  /// The pixels have to stay where they are for as long as the threshold is used. Adds what it went
-  /// through to `trace`, if there is one.
+  /// The pixels have to stay where they are for as long as the threshold is used. Makes the image's
+  /// half picture, if one has begun, and adds what it went through to `trace`, if there is one.
   void find(const ImageView& image, const ShapeLimits& limits, Workers& workers,
-            DetectionTrace* trace = nullptr);
+            Pyramid* half = nullptr, DetectionTrace* trace = nullptr);
 
   /// Of the last picture. At most 300 and one for each 1000 pixels, the largest ones.
   const std::vector<Shape>& shapes() const { return index_.shapes(); }

@@ -25,7 +25,8 @@ void Threshold::measure(const ImageView& image) {
   measure(image, kAll, alone);
 }
 
-void Threshold::measure(const ImageView& image, const Wanted& wanted, Workers& workers) {
+void Threshold::measure(const ImageView& image, const Wanted& wanted, Workers& workers,
+                        Pyramid* half) {
   image_ = image;
   columns_ = (image.width() + kTile - 1) / kTile;
   bands_ = (image.height() + kTile - 1) / kTile;
@@ -57,6 +58,7 @@ void Threshold::measure(const ImageView& image, const Wanted& wanted, Workers& w
     for (int band = first; band < end; ++band) {
       measure_band(band + 1, scratch);
       find_bits(band, wanted, scratch);
+      if (half) half->halve(band * kTile / 2, (band + 1) * kTile / 2);
     }
   });
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "detect/kernels/tile_extremes.hpp"
+#include "detect/pyramid.hpp"
 #include "detect/workers.hpp"
 #include "harco/image.hpp"
 
@@ -77,8 +78,9 @@ class Threshold {
   static constexpr Wanted kAll{true, true, true};
 
   /// Reads the image, whose pixels have to stay where they are for as long as distances are asked
-  /// for.
-  void measure(const ImageView& image, const Wanted& wanted, Workers& workers);
+  /// for, and makes its half picture, if one has begun.
+  void measure(const ImageView& image, const Wanted& wanted, Workers& workers,
+               Pyramid* half = nullptr);
   void measure(const ImageView& image);  ///< at all levels, alone
 
   /// Standard deviation of the noise in grey levels, from the ranges of the evenest quarter of
