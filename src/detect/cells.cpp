@@ -200,10 +200,10 @@ bool has_bright_cells(const ImageView& image, const Quad& corners, int n) {
   image_H_cells.topRows<2>().rowwise() += 0.5 * image_H_cells.row(2);  // from pixels' upper left
   const auto grey_at = [&](double x, double y) -> int {
     const Eigen::Vector3d h = image_H_cells * Eigen::Vector3d(x, y, 1.0);
-    const double scale = 1.0 / h.z();
-    const int column = static_cast<int>(h.x() * scale);
-    const int row = static_cast<int>(h.y() * scale);
-    return image(std::clamp(column, 0, image.width() - 1), std::clamp(row, 0, image.height() - 1));
+    // Steep squares may reach beyond the horizon there: clamped before it is a whole number.
+    const double column = std::clamp(h.x() / h.z(), 0.0, image.width() - 1.0);
+    const double row = std::clamp(h.y() / h.z(), 0.0, image.height() - 1.0);
+    return image(static_cast<int>(column), static_cast<int>(row));
   };
   std::array<int, 4 * (Code::kMaxCells + 2)> ring{};
   std::array<int, 4 * (Code::kMaxCells + 2)> paper{};
