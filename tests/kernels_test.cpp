@@ -313,24 +313,32 @@ TEST(Kernels, TallBitsAreTheSameOnEveryTarget) {
 }
 
 TEST(Kernels, RegionTopsKnownByHand) {
-  // Padding, then the two words of a row and of the one above it.
+  // Padding, the two words of a row, and padding; of the row above it and of the others likewise.
   const std::uint64_t last = std::uint64_t{1} << 63;
-  const std::uint64_t here[] = {0, 0b1110'0110'0110 | last, 0b11};
-  const std::uint64_t above[] = {0b0010'0000'0000, 0};
-  const std::uint64_t steep[] = {0b1110'0110'0100, 0};
-  const std::uint64_t ways[] = {0b1110'0000'0110, 0};
+  const std::uint64_t here[] = {0, 0b1110'0110'0110 | last, 0b11, 0};
+  std::uint64_t above[] = {0b0010'0000'0000, 0, 0};
+  std::uint64_t steep[] = {0b1110'0110'0100, 0b10, 0};
+  const std::uint64_t ways[] = {0b1110'0000'0110, 0b10, 0};
   std::uint64_t ends[2];
   std::uint64_t open[2];
   std::uint64_t some[1];
   const TopsRow row{here + 1, above, 0, steep, ways, 2};
   region_tops(row, {ends, open, some});
   // The first stretch; not the second, which has no way down, nor the third, which goes on upwards.
-  // The one at the words' border may be one; the next word leaves it to this one.
+  // The one across the words' border is this word's.
   EXPECT_EQ(ends[0], 0b1000U);
   EXPECT_EQ(open[0], ~std::uint64_t{0});
   EXPECT_EQ(ends[1], 0U);
   EXPECT_EQ(open[1], 0U);
   EXPECT_EQ(some[0], 1U);
+  // Something above it in the next word, or nothing steep in either.
+  above[1] = 0b01;
+  region_tops(row, {ends, open, some});
+  EXPECT_EQ(open[0], 0U);
+  above[1] = 0;
+  steep[1] = 0b100;
+  region_tops(row, {ends, open, some});
+  EXPECT_EQ(open[0], 0U);
 }
 
 TEST(Kernels, RegionTopsAreTheSameOnEveryTarget) {
@@ -338,11 +346,14 @@ TEST(Kernels, RegionTopsAreTheSameOnEveryTarget) {
     std::mt19937_64 random(7);
     for (int words = 1; words <= 140; ++words) {
       const auto size = static_cast<std::size_t>(words);
-      std::vector<std::uint64_t> rows(4 * size + 1);
+      std::vector<std::uint64_t> rows(4 * size + 2);
       for (std::uint64_t& word : rows) word = random() | random();
-      // Few words have any.
-      for (std::size_t i = 0; i < size; ++i)
+      // Few words have any; some stretches are as long as a word.
+      for (std::size_t i = 0; i < size; ++i) {
         rows[1 + 2 * size + i] &= random() & random() & random();
+        if (random() % 8U == 0U) rows[1 + i] = ~std::uint64_t{0};
+        if (random() % 4U == 0U) rows[1 + size + i] = 0;
+      }
       for (const std::uint64_t flip : {std::uint64_t{0}, ~std::uint64_t{0}}) {
         const std::uint64_t* first = rows.data() + 1;
         const TopsRow row{first, first + size, flip, first + 2 * size, first + 3 * size, words};
