@@ -263,6 +263,7 @@ std::optional<FittedLine> fit_side(const ImageView& image, const Lens& lens, con
   } else {
     const int reach = steps(std::clamp(0.45 * band, 1.0, 4.0));
     const Profiles profiles = read_profiles(image, lens, a, b, {reach, reach}, kFewPositions);
+    if (profiles.count() < 4) return std::nullopt;
     const Positions inside = even_levels(profiles, -reach);
     const Positions outside = even_levels(profiles, reach);
     const Positions outside_nearby = levels_nearby(profiles, reach);
@@ -415,7 +416,7 @@ double correlation_factor(const std::array<FittedLine, 4>& lines) {
 
 std::optional<FittedQuad> fit_edges(const ImageView& image, const Lens& lens, const Quad& quad,
                                     const SideProfile& profile) {
-  constexpr double kNear = 0.25;  // pixels
+  constexpr double kNear = 0.1;  // pixels
   FittedQuad fitted{quad, Matrix8d::Zero()};
   // Where the quad was farther off, the second round starts from where the first one found the
   // edges.
