@@ -241,6 +241,15 @@ TEST(Kernels, OutlineKnownByHand) {
     EXPECT_FALSE(outline_keeps_to(outline, expected, {4, 2, 4, 3}));
     EXPECT_FALSE(outline_keeps_to(outline, expected, {3, 3, 4, 3}));
   });
+  // Products of so wide a region don't fit into 32 bits everywhere.
+  Ends wide{{0, 0, 0}, {9000, 9000, 9000}};
+  const Outline bar = wide.outline(1);
+  const OutlineCorners corners{{{9001, 3}, {0, 3}, {0, 0}, {9001, 0}}};
+  on_every_target([&] {
+    EXPECT_EQ(outline_corners(bar), corners);
+    EXPECT_TRUE(outline_keeps_to(bar, corners, {18002, 6, 18002, 6}));
+    EXPECT_FALSE(outline_keeps_to(bar, {{{9001, 3}, {0, 3}, {0, 0}, {9001, 2}}}, {1, 6, 1, 6}));
+  });
 }
 
 TEST(Kernels, OutlinesAreTheSameOnEveryTarget) {

@@ -241,6 +241,7 @@ void blur_picture(const Texels& picture, double sigma, int cells, Texels& scratc
 Likeness likeness(const Blocks& image, const BlurredPicture& picture) {
   constexpr int kMost =
       static_cast<int>(Blocks::kTexels * kExplained * kExplained * kWhite * kWhite);
+  static_assert(kMost < std::numeric_limits<std::int16_t>::max(), "sums saturate there");
   const kernels::Explained explained = kernels::explained_blocks(
       image.texels.data(), picture.blocks.texels.data(), picture.patterned.data(),
       static_cast<int>(image.count()), Blocks::kTexels, kMost);

@@ -124,8 +124,13 @@ class Profile {
     const Eigen::Vector2f step = (kStep * probe.to_white).cast<float>();
     const Eigen::Vector2f first = (probe.place - zero_ * kStep * probe.to_white).cast<float>();
     const Eigen::Vector2f last = first + static_cast<float>(count_ - 1) * step;
-    if (!among_pixels(image, first.x(), first.y()) || !among_pixels(image, last.x(), last.y()))
-      return false;
+    // A straight row whose ends are in the image is wholly so, but for rounding.
+    constexpr float kRounding = 0.01F;
+    const auto inside = [&](const Eigen::Vector2f& at) {
+      return among_pixels(image, at.x() - kRounding, at.y() - kRounding) &&
+             among_pixels(image, at.x() + kRounding, at.y() + kRounding);
+    };
+    if (!inside(first) || !inside(last)) return false;
     std::array<std::int32_t, kMost> x;
     std::array<std::int32_t, kMost> y;
     for (int k = 0; k < count_; ++k) {

@@ -9,7 +9,8 @@ namespace harco::detect::kernels {
 
 /// Places are counted in 2048ths of a pixel from the centre of the image's first one.
 inline constexpr int kPlaceBits = 11;
-/// Of a coordinate that isn't negative, rounded down.
+
+/// A coordinate, which isn't negative, in that unit, rounded down.
 inline std::int32_t place_of(float pixels) {
   return static_cast<std::int32_t>(static_cast<float>(1 << kPlaceBits) * pixels);
 }
