@@ -165,26 +165,40 @@ TEST(Kernels, WaysDownKnownByHand) {
   const std::uint64_t below[2 * kStride] = {0, std::uint64_t{1} << 63, 0, 1};
   const std::uint64_t here[] = {~std::uint64_t{0}, ~std::uint64_t{0}};
   std::uint64_t ways[2 * kStride];
-  ways_down(here, 0, 2, 2, true, 2, below + 1, kStride, ways + 1);
+  ways_down({here, 0, 2, 2, true, 2, below + 1, kStride}, ways + 1);
   EXPECT_EQ(ways[1], ~std::uint64_t{0});  // to the row itself: its own pixels
   EXPECT_EQ(ways[2], ~std::uint64_t{0});
   EXPECT_EQ(ways[kStride + 1], std::uint64_t{7} << 61);  // to the next goal: two beside that
   EXPECT_EQ(ways[kStride + 2], std::uint64_t{3} << 62 | 3);
-  ways_down(here, 0, 2, 2, true, 3, below + 1, kStride, ways + 1);
+  ways_down({here, 0, 2, 2, true, 3, below + 1, kStride}, ways + 1);
   EXPECT_EQ(ways[kStride + 1], std::uint64_t{15} << 60);
   EXPECT_EQ(ways[kStride + 2], std::uint64_t{7} << 61 | 7);
   // Of the bright pixels of an inverted row.
   const std::uint64_t dark[] = {std::uint64_t{1} << 62, 1};
-  ways_down(dark, ~std::uint64_t{0}, 2, 2, true, 2, below + 1, kStride, ways + 1);
+  ways_down({dark, ~std::uint64_t{0}, 2, 2, true, 2, below + 1, kStride}, ways + 1);
   EXPECT_EQ(ways[kStride + 1], std::uint64_t{5} << 61);
   EXPECT_EQ(ways[kStride + 2], std::uint64_t{3} << 62 | 2);
   // Of a row that is none, the ways to each goal lead on from those of the row below.
   const std::uint64_t goals[2 * kStride] = {0, 16, 0, 0, 0, 0, 1, 0};
-  ways_down(here, 0, 2, 2, false, 1, goals + 1, kStride, ways + 1);
+  ways_down({here, 0, 2, 2, false, 1, goals + 1, kStride}, ways + 1);
   EXPECT_EQ(ways[1], std::uint64_t{7} << 3);
   EXPECT_EQ(ways[2], 0U);
   EXPECT_EQ(ways[kStride + 1], std::uint64_t{1} << 63);
   EXPECT_EQ(ways[kStride + 2], 3U);
+  // Broad ones: within two pixels of the middle of three that lead to the last goal.
+  const std::uint64_t rows[2 * kStride] = {0, ~std::uint64_t{0},      0, 0,
+                                           0, std::uint64_t{3} << 62, 1, 0};
+  std::uint64_t broad[2];
+  ways_down({here, 0, 2, 2, false, 1, rows + 1, kStride}, ways + 1, broad);
+  EXPECT_EQ(broad[0], std::uint64_t{7} << 61);
+  EXPECT_EQ(broad[1], 3U);
+  ways_down({dark, ~std::uint64_t{0}, 2, 2, true, 1, rows + 1, kStride}, ways + 1, broad);
+  EXPECT_EQ(broad[0], std::uint64_t{5} << 61);
+  EXPECT_EQ(broad[1], 2U);
+  const std::uint64_t narrow[2 * kStride] = {0, ~std::uint64_t{0}, 0, 0, 0, 0, 0b11011011, 0};
+  ways_down({here, 0, 2, 2, false, 1, narrow + 1, kStride}, ways + 1, broad);
+  EXPECT_EQ(broad[0], 0U);
+  EXPECT_EQ(broad[1], 0U);
 }
 
 TEST(Kernels, WaysDownAreTheSameOnEveryTarget) {
@@ -202,11 +216,14 @@ TEST(Kernels, WaysDownAreTheSameOnEveryTarget) {
           for (const bool is_goal : {false, true}) {
             std::vector<std::uint64_t> ways(below.size());
             std::vector<std::uint64_t> by_hand(below.size());
-            ways_down(here.data(), flip, words, kGoals, is_goal, reach, below.data() + 1, stride,
-                      ways.data() + 1);
-            ways_down_scalar(here.data(), flip, words, kGoals, is_goal, reach, below.data() + 1,
-                             stride, by_hand.data() + 1);
+            std::vector<std::uint64_t> broad(here.size());
+            std::vector<std::uint64_t> broad_by_hand(here.size());
+            const WaysRow row{here.data(),      flip,  words, kGoals, is_goal, reach,
+                              below.data() + 1, stride};
+            ways_down(row, ways.data() + 1, broad.data());
+            ways_down_scalar(row, by_hand.data() + 1, broad_by_hand.data());
             ASSERT_EQ(ways, by_hand) << words;
+            ASSERT_EQ(broad, broad_by_hand) << words;
           }
     }
   });

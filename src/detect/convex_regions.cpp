@@ -186,6 +186,7 @@ void ConvexRegions::start_rows(int first_row, int end_row) {
   const int words = map_->words_in_row();
   for (auto* tops : {&top_ends_, &top_open_}) tops->resize(static_cast<std::size_t>(words));
   tops_in_.resize(static_cast<std::size_t>(words + 63) / 64);
+  broad_.resize(static_cast<std::size_t>(words) + 1);
   ways_stride_ = words + 2;
   for (auto* ways : {&ways_, &ways_below_})
     ways->assign(static_cast<std::size_t>(goals_ * ways_stride_), 0);
@@ -254,8 +255,9 @@ void ConvexRegions::join_rows() {
   for (int row = 0; row < rows(); ++row) {
     const int y = row * step_;
     // Ways that lead upwards here; those through one row only go to a row that isn't looked at.
-    kernels::ways_down(map_->row(y), 0, map_->words_in_row(), 2, true, 1, map_->row(y - 1), stride,
-                       joined_.row(y - 1));
+    kernels::ways_down(
+        {map_->row(y), 0, map_->words_in_row(), 2, true, 1, map_->row(y - 1), stride},
+        joined_.row(y - 1));
   }
 }
 
@@ -265,9 +267,10 @@ void ConvexRegions::find_ways_down() {
   // Pixels beside, for a row down: what a square seen at 60 degrees takes; of every second row,
   // where regions are larger and lead down by other ways as well, at 48.
   const int reach = step_ == 1 ? 2 : 3;
-  kernels::ways_down(row_of(*map_, row_), dark_ ? 0 : ~std::uint64_t{0}, map_->words_in_row(),
-                     goals_, row_ % goals_apart_ == 0, reach, ways_below_.data() + 1, ways_stride_,
-                     ways_.data() + 1);
+  kernels::ways_down(
+      {row_of(*map_, row_), dark_ ? 0 : ~std::uint64_t{0}, map_->words_in_row(), goals_,
+       row_ % goals_apart_ == 0, reach, ways_below_.data() + 1, ways_stride_},
+      ways_.data() + 1, step_ == 1 ? nullptr : broad_.data());
 }
 
 /// Appends where regions begin in this row that go on down for a while: stretches of dark below
@@ -275,7 +278,7 @@ void ConvexRegions::find_ways_down() {
 void ConvexRegions::find_tops() {
   const std::uint64_t flip = dark_ ? 0 : ~std::uint64_t{0};
   const std::uint64_t* here = row_of(*map_, row_);
-  kernels::region_tops({here, row_of(*map_, row_ - 1), flip, row_of(*steep_, row_), longest_ways(),
+  kernels::region_tops({here, row_of(*map_, row_ - 1), flip, row_of(*steep_, row_), good_ways(),
                         map_->words_in_row()},
                        {top_ends_.data(), top_open_.data(), tops_in_.data()});
   for (std::size_t block = 0; block < tops_in_.size(); ++block)
@@ -306,7 +309,7 @@ void ConvexRegions::add_open_top(int word) {
   std::uint64_t good = 0;
   for (;;) {
     if (((above[word] ^ flip) & stretch) != 0) return;
-    good |= steep[word] & longest_ways()[word] & stretch;
+    good |= steep[word] & good_ways()[word] & stretch;
     if (stretch >> 63 == 0 || ++word == map_->words_in_row()) break;
     const int ones = std::countr_one(here[word] ^ flip);
     stretch = ones == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << ones) - 1;

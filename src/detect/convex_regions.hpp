@@ -49,8 +49,9 @@ class ConvexRegions {
   bool next(RegionTop& top);
 
  private:
-  const std::uint64_t* longest_ways() const {
-    return ways_.data() + 1 + (goals_ - 1) * ways_stride_;
+  /// Of this row, where ways begin that regions may begin with.
+  const std::uint64_t* good_ways() const {
+    return step_ == 1 ? ways_.data() + 1 + (goals_ - 1) * ways_stride_ : broad_.data();
   }
   // So many that the one below the last is still within the map's padding.
   int rows() const { return map_->height() / step_; }
@@ -88,6 +89,8 @@ class ConvexRegions {
   // through many rows, to one row more or less.
   std::vector<std::uint64_t> ways_, ways_below_;
   std::ptrdiff_t ways_stride_ = 0;
+  // Where they are broad, of every second row: regions are larger there. With a word of padding.
+  std::vector<std::uint64_t> broad_;
   int goals_ = 1;
   int goals_apart_ = 1;
   std::vector<std::uint64_t> top_ends_, top_open_, tops_in_;  // of this row: kernels::Tops
