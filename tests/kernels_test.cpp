@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <random>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -1029,6 +1030,40 @@ class Drawing {
   std::vector<std::uint8_t> bits_, tall_;
 };
 
+/// What became of regions that were walked.
+struct Walked {
+  explicit Walked(std::size_t count)
+      : ends(count, WalkEnd::given_up),
+        walks(count),
+        left(kWalkRoom),
+        right(kWalkRoom),
+        above(kWalkRoom) {}
+  WalkedRows rows() { return {left.data(), right.data(), above.data()}; }
+
+  /// Both ends of a region's rows, from the last one up.
+  std::vector<std::pair<int, int>> rows_of(std::size_t region) const {
+    std::vector<std::pair<int, int>> found;
+    auto at = static_cast<std::size_t>(walks[region].last_row);
+    for (int row = 0; row < walks[region].rows; ++row) {
+      found.emplace_back(left[at], right[at]);
+      at = static_cast<std::size_t>(above[at]);
+    }
+    return found;
+  }
+
+  std::vector<WalkEnd> ends;
+  std::vector<RegionWalk> walks;
+  std::vector<std::int32_t> left, right, above;
+};
+
+bool same_walk(const RegionWalk& a, const RegionWalk& b) {
+  const auto all = [](const RegionWalk& walk) {
+    return std::tuple(walk.rows, walk.left_extreme, walk.right_extreme, walk.left_inwards,
+                      walk.right_inwards, walk.least, walk.most, walk.area);
+  };
+  return all(a) == all(b);
+}
+
 TEST(Kernels, WalksOverRegionsKnownByHand) {
   // A square, a stripe that goes on to the border, a block that ends too soon, one that hangs on to
   // something taller on its right, and one that goes out again.
@@ -1048,21 +1083,58 @@ TEST(Kernels, WalksOverRegionsKnownByHand) {
                    "..........#####............................................."});
   const std::vector<RegionStart> starts{
       {2, 5, 3}, {10, 14, 3}, {20, 23, 3}, {27, 30, 5}, {42, 51, 2}};
-  std::vector<std::uint8_t> survives(starts.size(), 7);
-  walk_regions_scalar(drawing.map(true), starts.data(), starts.size(), survives.data());
-  EXPECT_EQ(survives, (std::vector<std::uint8_t>{1, 0, 0, 0, 0}));
+  // Some of each, since a few by themselves aren't walked.
+  std::vector<RegionStart> crowd;
+  for (std::size_t i = 0; i < kWalkFewest; ++i)
+    crowd.insert(crowd.end(), starts.begin(), starts.end());
+  using enum WalkEnd;
+  Walked walked(crowd.size());
+  walk_regions_scalar(drawing.map(true), crowd.data(), crowd.size(), walked.rows(),
+                      walked.walks.data(), walked.ends.data());
+  for (std::size_t i = 0; i < crowd.size(); ++i)
+    EXPECT_EQ(walked.ends[i], i % starts.size() == 0 ? closed : given_up) << i;
+  EXPECT_TRUE(same_walk(walked.walks[0], {4, 0, -2, 5, false, false, 2, 5, 16}));
+  EXPECT_EQ(walked.rows_of(0), (std::vector<std::pair<int, int>>(4, {2, 5})));
+  // Too few: each of them stays at its first row.
+  walk_regions_scalar(drawing.map(true), starts.data(), kWalkFewest - 1, walked.rows(),
+                      walked.walks.data(), walked.ends.data());
+  EXPECT_EQ(walked.ends[1], open);
+  EXPECT_TRUE(same_walk(walked.walks[1], {1, 0, -10, 14, false, false, 10, 14, 5}));
   // Of every second row: the square has four rows, two of which are seen.
-  const std::vector<RegionStart> seen{{2, 5, 2}, {10, 14, 2}};
+  const RegionStart square{2, 5, 2};
+  const std::vector<RegionStart> seen(kWalkFewest, square);
   RegionMap map = drawing.map(true, 2);
   map.least_extent = 4;
   map.least_length = 16;
   map.least_area = 8;
-  walk_regions_scalar(map, seen.data(), seen.size(), survives.data());
-  EXPECT_EQ(survives[0], 1);
-  EXPECT_EQ(survives[1], 0);
+  walk_regions_scalar(map, seen.data(), seen.size(), walked.rows(), walked.walks.data(),
+                      walked.ends.data());
+  EXPECT_EQ(walked.ends[0], closed);
+  EXPECT_TRUE(same_walk(walked.walks[0], {2, 0, -2, 5, false, false, 2, 5, 8}));
   map.least_area = 9;
-  walk_regions_scalar(map, seen.data(), seen.size(), survives.data());
-  EXPECT_EQ(survives[0], 0);
+  walk_regions_scalar(map, seen.data(), seen.size(), walked.rows(), walked.walks.data(),
+                      walked.ends.data());
+  EXPECT_EQ(walked.ends[0], given_up);
+}
+
+// What goes farther than a lane sees stays where it is, with all that is known of it.
+TEST(Kernels, WalksOverRegionsStayBeforeFarSteps) {
+  std::vector<std::string> rows(9, std::string(64, '.'));
+  for (std::size_t y = 2; y < 5; ++y) rows[y].replace(28 - y, 5 + 2 * y, 5 + 2 * y, '#');
+  rows[5].replace(4, 50, 50, '#');
+  Drawing drawing(rows);
+  const std::vector<RegionStart> starts(kWalkFewest, {26, 34, 2});
+  on_every_target([&] {
+    Walked walked(starts.size());
+    walk_regions(drawing.map(true), starts.data(), starts.size(), walked.rows(),
+                 walked.walks.data(), walked.ends.data());
+    for (std::size_t i = 0; i < starts.size(); ++i) {
+      EXPECT_EQ(walked.ends[i], WalkEnd::open);
+      EXPECT_TRUE(same_walk(walked.walks[i], {3, 0, -24, 36, false, false, 24, 36, 9 + 11 + 13}));
+      EXPECT_EQ(walked.rows_of(i),
+                (std::vector<std::pair<int, int>>{{24, 36}, {25, 35}, {26, 34}}));
+    }
+  });
 }
 
 TEST(Kernels, WalksOverRegionsAreTheSameOnEveryTarget) {
@@ -1097,12 +1169,19 @@ TEST(Kernels, WalksOverRegionsAreTheSameOnEveryTarget) {
       for (const bool dark : {true, false}) {
         const int row_step = 1 + below(2);
         const std::vector<RegionStart> starts = drawing.starts(dark, row_step);
-        std::vector<std::uint8_t> survives(starts.size(), 7);
-        std::vector<std::uint8_t> by_hand(starts.size(), 7);
+        Walked walked(starts.size());
+        Walked by_hand(starts.size());
         const RegionMap map = drawing.map(dark, row_step);
-        walk_regions(map, starts.data(), starts.size(), survives.data());
-        walk_regions_scalar(map, starts.data(), starts.size(), by_hand.data());
-        ASSERT_EQ(survives, by_hand) << "scene " << scene;
+        walk_regions(map, starts.data(), starts.size(), walked.rows(), walked.walks.data(),
+                     walked.ends.data());
+        walk_regions_scalar(map, starts.data(), starts.size(), by_hand.rows(), by_hand.walks.data(),
+                            by_hand.ends.data());
+        ASSERT_EQ(walked.ends, by_hand.ends) << "scene " << scene;
+        for (std::size_t i = 0; i < starts.size(); ++i) {
+          if (walked.ends[i] == WalkEnd::given_up) continue;
+          ASSERT_TRUE(same_walk(walked.walks[i], by_hand.walks[i])) << "scene " << scene;
+          ASSERT_EQ(walked.rows_of(i), by_hand.rows_of(i)) << "scene " << scene;
+        }
       }
     }
   });

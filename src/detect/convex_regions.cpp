@@ -95,7 +95,7 @@ End rightmost(const std::uint8_t* row, const std::uint8_t* tall_above, int low, 
 /// One side of a region on its way down: whether it has turned back, and whether it does so again.
 class Side {
  public:
-  explicit Side(int at) : extreme_(at) {}
+  Side(int extreme, bool inwards) : extreme_(extreme), inwards_(inwards) {}
   /// `at` counts outwards. False if it goes out again after it has come in.
   bool go_to(int at, int tolerance) {
     if (!inwards_) {
@@ -113,7 +113,7 @@ class Side {
 
  private:
   int extreme_;
-  bool inwards_ = false;
+  bool inwards_;
 };
 
 /// How far an outline may lie beside the sides between some corners.
@@ -179,7 +179,10 @@ void ConvexRegions::start_rows(int first_row, int end_row) {
   // What begins in the first row touches the border.
   first_row_ = std::max(1, first_row);
   starts_.clear();
-  next_start_ = 0;
+  first_walk_ = next_walk_ = walk_count_ = 0;
+  walks_.resize(kernels::kWalkTogether);
+  walk_ends_.resize(kernels::kWalkTogether);
+  for (auto& listed : walked_rows_) listed.resize(kernels::kWalkRoom);
   constexpr std::size_t kRead = 64;  // beyond the last, by kernels
   for (auto* ends : {&left_ends_, &right_ends_})
     ends->resize(static_cast<std::size_t>(rows()) + kRead);
@@ -200,36 +203,45 @@ void ConvexRegions::start_rows(int first_row, int end_row) {
 
 bool ConvexRegions::next(RegionTop& top) {
   for (;;) {
-    while (next_start_ < starts_.size()) {
-      const std::size_t i = next_start_++;
-      if (survives_[i] != 0 &&
-          (dark_ ? may_be_convex<true>(starts_[i], top) : may_be_convex<false>(starts_[i], top)))
+    while (next_walk_ < walk_count_) {
+      const std::size_t walk = next_walk_++;
+      if (walk_ends_[walk] != kernels::WalkEnd::given_up &&
+          (dark_ ? may_be_convex<true>(walk, top) : may_be_convex<false>(walk, top)))
         return true;
     }
-    if (!find_survivors()) return false;
+    if (!walk_some()) return false;
   }
 }
 
-/// Of the rows above, as many as give enough to be walked at the same time. False if none is left.
-bool ConvexRegions::find_survivors() {
-  constexpr std::size_t kEnough = 1024;
-  starts_.clear();
-  next_start_ = 0;
-  while (starts_.size() < kEnough && --row_ >= first_row_) {
-    find_ways_down();
-    find_tops();
-  }
+/// Walks the next regions together, as far as that goes. False if there are none left.
+bool ConvexRegions::walk_some() {
+  first_walk_ += walk_count_;
+  next_walk_ = walk_count_ = 0;
+  if (first_walk_ == starts_.size()) find_starts();
   if (starts_.empty()) return false;
+  walk_count_ = std::min(starts_.size() - first_walk_, kernels::kWalkTogether);
   const auto bytes = [](const DarkMap& map) {
     return reinterpret_cast<const std::uint8_t*>(map.origin());
   };
-  survives_.resize(starts_.size());
   kernels::walk_regions(
       {bytes(*walked_), bytes(*whole_tall_), step_ * map_->bits_in_row() / 8, map_->width(), rows(),
        step_, dark_, limits_.least_extent, limits_.least_length,
        static_cast<int>(std::ceil(limits_.least_area / step_))},
-      starts_.data(), starts_.size(), survives_.data());
+      starts_.data() + first_walk_, walk_count_,
+      {walked_rows_[0].data(), walked_rows_[1].data(), walked_rows_[2].data()}, walks_.data(),
+      walk_ends_.data());
   return true;
+}
+
+/// Of as many of the rows above as give enough to be walked at the same time; none if there are no
+/// more rows.
+void ConvexRegions::find_starts() {
+  starts_.clear();
+  first_walk_ = 0;
+  while (starts_.size() < kernels::kWalkTogether && --row_ >= first_row_) {
+    find_ways_down();
+    find_tops();
+  }
 }
 
 void ConvexRegions::find_tall() {
@@ -317,50 +329,64 @@ void ConvexRegions::add_open_top(int word) {
   if (good != 0) add_top(left, 64 * word + 63 - std::countl_zero(stretch));
 }
 
-/// Goes down both sides of a region from its top.
+/// The ends of a region's rows that were walked.
+void ConvexRegions::take_rows(const kernels::RegionWalk& walk) {
+  auto listed = static_cast<std::size_t>(walk.last_row);
+  for (auto row = static_cast<std::size_t>(walk.rows); row-- > 0;) {
+    left_ends_[row] = walked_rows_[0][listed];
+    right_ends_[row] = walked_rows_[1][listed];
+    if (row > 0) listed = static_cast<std::size_t>(walked_rows_[2][listed]);
+  }
+}
+
+/// Whether the region that was walked ends like something convex, and has about the shape of a
+/// quadrilateral. Where it isn't known yet, goes on down both sides.
 template <bool kDark>
-bool ConvexRegions::may_be_convex(const kernels::RegionStart& start, RegionTop& top) {
-  constexpr int kTouch = kDark ? 1 : 0;
-  const auto bytes = [&](const DarkMap& map) {
-    return reinterpret_cast<const std::uint8_t*>(row_of(map, start.y));
-  };
-  const std::uint8_t* row = bytes(*walked_);
-  const std::uint8_t* tall = bytes(*whole_tall_);
-  const std::ptrdiff_t stride = step_ * map_->bits_in_row() / 8;
-  const int width = map_->width();
-  const int most_rows = rows() - start.y;
-  int left = start.left;
-  int right = start.right;
-  Side left_side(-left);
-  Side right_side(right);
-  int least = left;
-  int most = right;
-  std::int64_t area = 0;
-  left_ends_[0] = left;
-  right_ends_[0] = right;
-  int rows = 1;
-  for (;; ++rows) {
-    area += right - left + 1;
-    row += stride;
-    if (rows >= most_rows) return false;
-    const int low = left - kTouch;
-    const int high = right + kTouch;
-    const End left_end = leftmost<kDark>(row, tall, low, high);
-    const End right_end = rightmost<kDark>(row, tall, low, high, width);
-    tall += stride;
-    left = left_end.x;
-    if (left > high) break;
-    right = right_end.x;
-    if (left_end.from_above || right_end.from_above) return false;
-    if (left <= 0 || right >= width - 1) return false;
-    const int tolerance = 2 + rows * step_ / 16;
-    const bool left_convex = left_side.go_to(-left, tolerance);
-    const bool right_convex = right_side.go_to(right, tolerance);
-    if (!left_convex || !right_convex) return false;
-    least = std::min(least, left);
-    most = std::max(most, right);
-    left_ends_[static_cast<std::size_t>(rows)] = left;
-    right_ends_[static_cast<std::size_t>(rows)] = right;
+bool ConvexRegions::may_be_convex(std::size_t walk, RegionTop& top) {
+  const kernels::RegionStart& start = starts_[first_walk_ + walk];
+  const kernels::RegionWalk& so_far = walks_[walk];
+  take_rows(so_far);
+  int rows = so_far.rows;
+  int least = so_far.least;
+  int most = so_far.most;
+  std::int64_t area = so_far.area;
+  if (walk_ends_[walk] == kernels::WalkEnd::open) {
+    constexpr int kTouch = kDark ? 1 : 0;
+    const auto bytes = [&](const DarkMap& map) {
+      return reinterpret_cast<const std::uint8_t*>(row_of(map, start.y + rows - 1));
+    };
+    const std::uint8_t* row = bytes(*walked_);
+    const std::uint8_t* tall = bytes(*whole_tall_);
+    const std::ptrdiff_t stride = step_ * map_->bits_in_row() / 8;
+    const int width = map_->width();
+    const int most_rows = this->rows() - start.y;
+    int left = left_ends_[static_cast<std::size_t>(rows - 1)];
+    int right = right_ends_[static_cast<std::size_t>(rows - 1)];
+    Side left_side(so_far.left_extreme, so_far.left_inwards);
+    Side right_side(so_far.right_extreme, so_far.right_inwards);
+    for (;; ++rows) {
+      row += stride;
+      if (rows >= most_rows) return false;
+      const int low = left - kTouch;
+      const int high = right + kTouch;
+      const End left_end = leftmost<kDark>(row, tall, low, high);
+      const End right_end = rightmost<kDark>(row, tall, low, high, width);
+      tall += stride;
+      left = left_end.x;
+      if (left > high) break;
+      right = right_end.x;
+      if (left_end.from_above || right_end.from_above) return false;
+      if (left <= 0 || right >= width - 1) return false;
+      const int tolerance = 2 + rows * step_ / 16;
+      const bool left_convex = left_side.go_to(-left, tolerance);
+      const bool right_convex = right_side.go_to(right, tolerance);
+      if (!left_convex || !right_convex) return false;
+      least = std::min(least, left);
+      most = std::max(most, right);
+      area += right - left + 1;
+      left_ends_[static_cast<std::size_t>(rows)] = left;
+      right_ends_[static_cast<std::size_t>(rows)] = right;
+    }
   }
   top = {start.left, start.y * step_, kDark, most - least + 1, rows * step_};
   if (std::min(top.rows, top.columns) < limits_.least_extent) return false;

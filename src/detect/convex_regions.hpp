@@ -65,9 +65,11 @@ class ConvexRegions {
   void add_open_top(int word);
   void raise(RegionTop& top, int right) const;
   bool is_news(const RegionTop& top) const;
-  bool find_survivors();
+  bool walk_some();
+  void find_starts();
   template <bool kDark>
-  bool may_be_convex(const kernels::RegionStart& start, RegionTop& top);
+  bool may_be_convex(std::size_t walk, RegionTop& top);
+  void take_rows(const kernels::RegionWalk& walk);
   bool outlines_quad(std::int64_t area, const RegionTop& top) const;
   bool is_filled_along(const kernels::OutlineCorners& corners, const RegionTop& top) const;
 
@@ -95,9 +97,14 @@ class ConvexRegions {
   int goals_apart_ = 1;
   std::vector<std::uint64_t> top_ends_, top_open_, tops_in_;  // of this row: kernels::Tops
   std::vector<kernels::RegionStart> starts_;                  // of some rows
-  std::vector<std::uint8_t> survives_;                        // which of them may be convex
-  std::size_t next_start_ = 0;
-  std::vector<std::int32_t> left_ends_, right_ends_;  // of the region, row by row
+  // Of those, the ones from first_walk_ on are walked together, and what became of them.
+  std::size_t first_walk_ = 0;
+  std::size_t walk_count_ = 0;
+  std::size_t next_walk_ = 0;
+  std::vector<kernels::RegionWalk> walks_;
+  std::vector<kernels::WalkEnd> walk_ends_;
+  std::array<std::vector<std::int32_t>, 3> walked_rows_;  // kernels::WalkedRows
+  std::vector<std::int32_t> left_ends_, right_ends_;      // of the region, row by row
   DarkMap tall_;                         // where this and the two pixels above are the region's:
   const DarkMap* whole_tall_ = nullptr;  // one's own, or that of the whole
 };

@@ -1,6 +1,7 @@
 #include "detect/kernels/region_walk.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cstring>
 
@@ -23,6 +24,14 @@ constexpr std::int32_t kLeftInwards = 1 << 30;
 constexpr std::int32_t kRightInwards = 1 << 29;
 constexpr std::int32_t kIndex = kRightInwards - 1;
 
+// Rows are listed and read so many at a time, of which some are none.
+constexpr std::size_t kMostLanes = 64;
+
+/// Of how many rows a list takes the room.
+constexpr std::size_t listed_length(std::size_t count) {
+  return (count + kMostLanes - 1) / kMostLanes * kMostLanes;
+}
+
 /// How much a side may go out again.
 constexpr int walk_tolerance(int height) { return 2 + height / 16; }
 
@@ -35,8 +44,8 @@ namespace harco::detect::kernels::HWY_NAMESPACE {
 #if HWY_TARGET == HWY_SCALAR
 
 void walk_regions_simd(const RegionMap& map, const RegionStart* starts, std::size_t count,
-                       std::uint8_t* survives) {
-  walk_regions_scalar(map, starts, count, survives);
+                       const WalkedRows& rows, RegionWalk* walks, WalkEnd* ends) {
+  walk_regions_scalar(map, starts, count, rows, walks, ends);
 }
 
 #else
@@ -49,20 +58,29 @@ constexpr Lanes kLanes;
 constexpr hn::RebindToUnsigned<Lanes> kUnsigned;
 
 /// Regions that are walked together, row by row; who is done leaves the list.
-constexpr std::size_t kTogether = 1024;
-constexpr std::size_t kMostLanes = HWY_LANES(std::int32_t);
 struct Walks {
-  using List = std::int32_t[kTogether + kMostLanes];
+  using List = std::int32_t[kWalkTogether + kMostLanes];
   alignas(64) List offset;                       // of the row above, in bytes
-  alignas(64) List left, right;                  // ends in the row above
   alignas(64) List left_extreme, right_extreme;  // as for a Side
   alignas(64) List least, most;                  // of all ends
   alignas(64) List area;
   alignas(64) List index;  // and, as the highest bits, whether the sides go inwards
+
+  RegionWalk walk(std::size_t at, int rows, std::int32_t last_row) const {
+    return {rows,
+            last_row,
+            left_extreme[at],
+            right_extreme[at],
+            (index[at] & kLeftInwards) != 0,
+            (index[at] & kRightInwards) != 0,
+            least[at],
+            most[at],
+            area[at]};
+  }
 };
 
-HWY_INLINE Lane load(const Walks::List& list, std::size_t at) {
-  return hn::Load(kLanes, list + at);
+HWY_INLINE Lane load(const std::int32_t* list, std::size_t at) {
+  return hn::LoadU(kLanes, list + at);
 }
 
 #if HWY_TARGET == HWY_AVX2 || HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
@@ -120,8 +138,9 @@ HWY_INLINE void store_kept(Lane lanes, Mask kept, std::int32_t* to) {
   hn::StoreU(hn::Compress(lanes, kept), kLanes, to);
 }
 
-/// Walks those in the list until none is left.
-void walk_together(const RegionMap& map, Walks& walks, std::size_t count, std::uint8_t* survives) {
+/// Walks those in the lists until none is left, or no room.
+void walk_together(const RegionMap& map, Walks& lists, std::size_t count, const WalkedRows& listed,
+                   RegionWalk* walks, WalkEnd* ends) {
   const std::size_t lanes = hn::Lanes(kLanes);
   const auto zero = hn::Zero(kLanes);
   const auto one = hn::Set(kLanes, 1);
@@ -135,16 +154,22 @@ void walk_together(const RegionMap& map, Walks& walks, std::size_t count, std::u
   const auto end = hn::Set(kLanes, static_cast<std::int32_t>(map.height * map.stride));
   const auto left_flag = hn::Set(kLanes, kLeftInwards);
   const auto right_flag = hn::Set(kLanes, kRightInwards);
-  for (int rows = 1; count > 0 && rows < kWalkRows; ++rows) {
+  std::size_t first = 0;  // where the last rows are listed
+  int rows = 1;
+  for (std::size_t next = 0; count >= kWalkFewest; first = next, ++rows) {
+    next = first + listed_length(count);
+    if (next + listed_length(count) > kWalkRoom) break;
+    const std::int32_t* lefts = listed.left + first;
+    const std::int32_t* rights = listed.right + first;
     const auto height = hn::Set(kLanes, rows * map.row_step);
     const auto tolerance = hn::Set(kLanes, walk_tolerance(rows * map.row_step));
     std::size_t kept = 0;
     for (std::size_t at = 0; at < count; at += lanes) {
       const auto real = hn::FirstN(kLanes, count - at);
-      const auto above = load(walks.offset, at);
+      const auto above = load(lists.offset, at);
       const auto here = hn::Add(above, stride);
-      const auto low = hn::Sub(load(walks.left, at), touch);
-      const auto high = hn::Add(load(walks.right, at), touch);
+      const auto low = hn::Sub(load(lefts, at), touch);
+      const auto high = hn::Add(load(rights, at), touch);
 
       // The left end: ones up to `low`, or else zeros from there on.
       const auto around_low = hn::Xor(pixels_from(map.bits, here, hn::Sub(low, reach)), flip);
@@ -176,10 +201,10 @@ void walk_together(const RegionMap& map, Walks& walks, std::size_t count, std::u
           hn::AndNot(none, hn::Or(hn::Or(hn::Eq(free_out, zero), hn::Eq(set_in, zero)),
                                   hn::Or(hn::Eq(free_right, zero), hn::Eq(set_left, zero))));
       const auto closed = hn::Or(none, hn::AndNot(far, hn::Gt(left, high)));
-      auto least = load(walks.least, at);
-      auto most = load(walks.most, at);
+      auto least = load(lists.least, at);
+      auto most = load(lists.most, at);
       const auto columns = hn::Add(hn::Sub(most, least), one);
-      auto area = load(walks.area, at);
+      auto area = load(lists.area, at);
       const auto large = hn::And(
           at_least(hn::Min(columns, height), hn::Set(kLanes, map.least_extent)),
           at_least(hn::ShiftLeft<1>(hn::Add(columns, height)), hn::Set(kLanes, map.least_length)));
@@ -192,9 +217,9 @@ void walk_together(const RegionMap& map, Walks& walks, std::size_t count, std::u
       const auto tall_met = hn::Or(hn::AndNot(up_to_free, tall_out),
                                    hn::And(tall_right, hn::ShiftRight<2>(hn::Sub(next_free, one))));
       const auto border = hn::Or(hn::Lt(left, one), at_least(right, last));
-      auto left_extreme = load(walks.left_extreme, at);
-      auto right_extreme = load(walks.right_extreme, at);
-      auto index = load(walks.index, at);
+      auto left_extreme = load(lists.left_extreme, at);
+      auto right_extreme = load(lists.right_extreme, at);
+      auto index = load(lists.index, at);
       auto left_inwards = hn::TestBit(index, left_flag);
       auto right_inwards = hn::TestBit(index, right_flag);
       const auto convex = hn::And(goes_on(hn::Neg(left), tolerance, left_extreme, left_inwards),
@@ -208,49 +233,62 @@ void walk_together(const RegionMap& map, Walks& walks, std::size_t count, std::u
       const auto stays =
           hn::AndNot(met, hn::And(seen, hn::Or(far, hn::And(closed, hn::And(large, wide)))));
       const auto walks_on = hn::AndNot(hn::Or(hn::Or(far, closed), hn::Or(given_up, met)), seen);
-      alignas(64) std::int32_t who[kMostLanes];
-      store_kept(index, stays, who);
-      const std::size_t staying = hn::CountTrue(kLanes, stays);
-      for (std::size_t i = 0; i < staying; ++i) survives[who[i] & kIndex] = 1;
+      if (!hn::AllFalse(kLanes, stays)) {
+        alignas(64) std::int32_t who[kMostLanes];
+        store_kept(hn::Iota(kLanes, static_cast<std::int32_t>(at)), stays, who);
+        const std::size_t staying = hn::CountTrue(kLanes, stays);
+        alignas(64) std::int32_t is_far[kMostLanes];
+        store_kept(hn::VecFromMask(kLanes, far), stays, is_far);
+        for (std::size_t i = 0; i < staying; ++i) {
+          const auto place = static_cast<std::size_t>(who[i]);
+          const std::int32_t region = lists.index[place] & kIndex;
+          walks[region] = lists.walk(place, rows, static_cast<std::int32_t>(first + place));
+          ends[region] = is_far[i] != 0 ? WalkEnd::open : WalkEnd::closed;
+        }
+      }
       index = hn::Or(index, hn::Or(hn::IfThenElseZero(left_inwards, left_flag),
                                    hn::IfThenElseZero(right_inwards, right_flag)));
-      store_kept(here, walks_on, walks.offset + kept);
-      store_kept(left, walks_on, walks.left + kept);
-      store_kept(right, walks_on, walks.right + kept);
-      store_kept(left_extreme, walks_on, walks.left_extreme + kept);
-      store_kept(right_extreme, walks_on, walks.right_extreme + kept);
-      store_kept(least, walks_on, walks.least + kept);
-      store_kept(most, walks_on, walks.most + kept);
-      store_kept(area, walks_on, walks.area + kept);
-      store_kept(index, walks_on, walks.index + kept);
+      const auto places = hn::Iota(kLanes, static_cast<std::int32_t>(first + at));
+      store_kept(left, walks_on, listed.left + next + kept);
+      store_kept(right, walks_on, listed.right + next + kept);
+      store_kept(places, walks_on, listed.above + next + kept);
+      store_kept(here, walks_on, lists.offset + kept);
+      store_kept(left_extreme, walks_on, lists.left_extreme + kept);
+      store_kept(right_extreme, walks_on, lists.right_extreme + kept);
+      store_kept(least, walks_on, lists.least + kept);
+      store_kept(most, walks_on, lists.most + kept);
+      store_kept(area, walks_on, lists.area + kept);
+      store_kept(index, walks_on, lists.index + kept);
       kept += hn::CountTrue(kLanes, walks_on);
     }
     // What fills up the last lanes has to be readable.
-    for (auto* list : {&walks.offset, &walks.left, &walks.right})
-      hn::StoreU(zero, kLanes, *list + kept);
+    for (std::int32_t* list : {lists.offset, listed.left + next, listed.right + next})
+      hn::StoreU(zero, kLanes, list + kept);
     count = kept;
   }
-  for (std::size_t i = 0; i < count; ++i) survives[walks.index[i] & kIndex] = 1;
+  for (std::size_t place = 0; place < count; ++place) {
+    const std::int32_t region = lists.index[place] & kIndex;
+    walks[region] = lists.walk(place, rows, static_cast<std::int32_t>(first + place));
+    ends[region] = WalkEnd::open;
+  }
 }
 
 void walk_regions_simd(const RegionMap& map, const RegionStart* starts, std::size_t count,
-                       std::uint8_t* survives) {
-  std::fill_n(survives, count, std::uint8_t{0});
-  Walks walks;
-  for (std::size_t first = 0; first < count; first += kTogether) {
-    const std::size_t together = std::min(kTogether, count - first);
-    // Likewise.
-    for (std::size_t i = 0; i < together + kMostLanes; ++i) {
-      const RegionStart& start = starts[first + std::min(i, together - 1)];
-      walks.offset[i] = static_cast<std::int32_t>(start.y * map.stride);
-      walks.left[i] = walks.least[i] = start.left;
-      walks.right[i] = walks.most[i] = walks.right_extreme[i] = start.right;
-      walks.left_extreme[i] = -start.left;
-      walks.area[i] = start.right - start.left + 1;
-      walks.index[i] = static_cast<std::int32_t>(i);
-    }
-    walk_together(map, walks, together, survives + first);
+                       const WalkedRows& rows, RegionWalk* walks, WalkEnd* ends) {
+  std::fill_n(ends, count, WalkEnd::given_up);
+  if (count == 0) return;
+  Walks lists;
+  // Likewise.
+  for (std::size_t i = 0; i < count + hn::Lanes(kLanes); ++i) {
+    const RegionStart& start = starts[std::min(i, count - 1)];
+    lists.offset[i] = static_cast<std::int32_t>(start.y * map.stride);
+    rows.left[i] = lists.least[i] = start.left;
+    rows.right[i] = lists.most[i] = lists.right_extreme[i] = start.right;
+    lists.left_extreme[i] = -start.left;
+    lists.area[i] = start.right - start.left + 1;
+    lists.index[i] = static_cast<std::int32_t>(i);
   }
+  walk_together(map, lists, count, rows, walks, ends);
 }
 
 #endif
@@ -286,18 +324,34 @@ std::uint32_t pixels_from(const std::uint8_t* row, int x) {
   return word >> (x & 7);
 }
 
-bool survives_walk(const RegionMap& map, const RegionStart& start) {
-  constexpr std::uint32_t kHalfBits = kHalf;
-  const int touch = map.dark ? 1 : 0;
-  const std::uint32_t flip = map.dark ? 0 : ~std::uint32_t{0};
-  int left = start.left, right = start.right;
-  int least = left, most = right;
-  int area = right - left + 1;
-  Side left_side{-left}, right_side{right};
-  for (int rows = 1; rows < kWalkRows; ++rows) {
-    if (start.y + rows >= map.height) return false;
-    const std::uint8_t* row = map.bits + (start.y + rows) * map.stride;
-    const std::uint8_t* tall = map.tall + (start.y + rows - 1) * map.stride;
+/// A region on its way down.
+struct Walk {
+  std::size_t region;
+  int y, left, right;
+  Side left_side, right_side;
+  int least, most, area;
+
+  RegionWalk so_far(int rows, std::int32_t last_row) const {
+    return {rows,
+            last_row,
+            left_side.extreme,
+            right_side.extreme,
+            left_side.inwards,
+            right_side.inwards,
+            least,
+            most,
+            area};
+  }
+
+  /// To the next row. False if there is an end to it.
+  bool go_down(const RegionMap& map, int rows, WalkEnd& end) {
+    end = WalkEnd::given_up;
+    if (++y >= map.height) return false;
+    constexpr std::uint32_t kHalfBits = kHalf;
+    const std::uint32_t flip = map.dark ? 0 : ~std::uint32_t{0};
+    const int touch = map.dark ? 1 : 0;
+    const std::uint8_t* row = map.bits + y * map.stride;
+    const std::uint8_t* tall = map.tall + (y - 1) * map.stride;
     const int low = left - touch, high = right + touch;
     const std::uint32_t around_low = pixels_from(row, low - kWalkReach) ^ flip;
     const std::uint32_t around_high = pixels_from(row, high - kWalkReach) ^ flip;
@@ -309,42 +363,80 @@ bool survives_walk(const RegionMap& map, const RegionStart& start) {
     const bool far = !none && (free_out == 0 || set_in == 0 || free_right == 0 || set_left == 0);
     const int left_ones = std::min(kWalkReach, std::countl_zero(free_out) - (31 - kWalkReach));
     const int right_ones = std::min(kWalkReach, std::countr_zero(free_right));
-    left = low + std::countr_zero(set_in) - std::max(left_ones - 1, 0);
-    right = high - (std::countl_zero(set_left) - (31 - kWalkReach)) + std::max(right_ones - 1, 0);
+    const int new_left = low + std::countr_zero(set_in) - std::max(left_ones - 1, 0);
+    const int new_right =
+        high - (std::countl_zero(set_left) - (31 - kWalkReach)) + std::max(right_ones - 1, 0);
     const int height = rows * map.row_step;
-    if (none || (!far && left > high)) {
+    if (none || (!far && new_left > high)) {
       const int columns = most - least + 1;
-      return std::min(height, columns) >= map.least_extent &&
-             2 * (height + columns) >= map.least_length && area >= map.least_area;
+      if (std::min(height, columns) >= map.least_extent &&
+          2 * (height + columns) >= map.least_length && area >= map.least_area)
+        end = WalkEnd::closed;
+      return false;
     }
     // The pixel next to the last end may hang on to it.
     for (int out = 2; out < left_ones; ++out)
       if ((pixels_from(tall, low - out) & 1) != 0) return false;
     for (int out = 2; out < right_ones; ++out)
       if ((pixels_from(tall, high + out) & 1) != 0) return false;
-    if (far) return true;
+    if (far) {
+      end = WalkEnd::open;
+      return false;
+    }
+    left = new_left;
+    right = new_right;
     if (left <= 0 || right >= map.width - 1) return false;
     const int tolerance = walk_tolerance(height);
     if (!left_side.goes_on(-left, tolerance) || !right_side.goes_on(right, tolerance)) return false;
     least = std::min(least, left);
     most = std::max(most, right);
     area += right - left + 1;
+    return true;
   }
-  return true;
-}
+};
 
 }  // namespace
 
 HWY_EXPORT(walk_regions_simd);
 
 void walk_regions(const RegionMap& map, const RegionStart* starts, std::size_t count,
-                  std::uint8_t* survives) {
-  HWY_DYNAMIC_DISPATCH(walk_regions_simd)(map, starts, count, survives);
+                  const WalkedRows& rows, RegionWalk* walks, WalkEnd* ends) {
+  HWY_DYNAMIC_DISPATCH(walk_regions_simd)(map, starts, count, rows, walks, ends);
 }
 
 void walk_regions_scalar(const RegionMap& map, const RegionStart* starts, std::size_t count,
-                         std::uint8_t* survives) {
-  for (std::size_t i = 0; i < count; ++i) survives[i] = survives_walk(map, starts[i]) ? 1 : 0;
+                         const WalkedRows& listed, RegionWalk* walks, WalkEnd* ends) {
+  std::fill_n(ends, count, WalkEnd::given_up);
+  std::array<Walk, kWalkTogether> going;
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto [left, right, y] = starts[i];
+    going[i] = {i, y, left, right, {-left}, {right}, left, right, right - left + 1};
+    listed.left[i] = left;
+    listed.right[i] = right;
+  }
+  std::size_t first = 0;
+  int rows = 1;
+  for (std::size_t next = 0; count >= kWalkFewest; first = next, ++rows) {
+    next = first + listed_length(count);
+    if (next + listed_length(count) > kWalkRoom) break;
+    std::size_t kept = 0;
+    for (std::size_t place = 0; place < count; ++place) {
+      Walk walk = going[place];
+      const auto last_row = static_cast<std::int32_t>(first + place);
+      walks[walk.region] = walk.so_far(rows, last_row);
+      if (!walk.go_down(map, rows, ends[walk.region])) continue;
+      listed.left[next + kept] = walk.left;
+      listed.right[next + kept] = walk.right;
+      listed.above[next + kept] = last_row;
+      going[kept++] = walk;
+    }
+    count = kept;
+  }
+  for (std::size_t place = 0; place < count; ++place) {
+    const Walk& walk = going[place];
+    walks[walk.region] = walk.so_far(rows, static_cast<std::int32_t>(first + place));
+    ends[walk.region] = WalkEnd::open;
+  }
 }
 
 }  // namespace harco::detect::kernels

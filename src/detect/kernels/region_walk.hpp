@@ -25,19 +25,48 @@ struct RegionStart {
   int left, right, y;
 };
 
-/// Rows that are looked at, and how far a side may move from one row to the next; whoever goes
-/// farther stays.
-constexpr int kWalkRows = 256;
+/// How far a side may move from one row to the next; whoever goes farther stays.
 constexpr int kWalkReach = 12;
 
-/// Goes down both sides of regions from their tops. Those that end too small, touch the image's
-/// border, go out again after they have come in, or meet something that comes down from farther
-/// above are given up: survives[i] tells of starts[i], 1 or 0.
-void walk_regions(const RegionMap& map, const RegionStart* starts, std::size_t count,
-                  std::uint8_t* survives);
+/// Regions that are walked at the same time: at most, and at least; fewer stay where they are.
+constexpr std::size_t kWalkTogether = 1024;
+constexpr std::size_t kWalkFewest = 4;
 
-/// The same in plain C++, one after the other.
+/// Rows of regions that were walked: their ends, and where the row above is listed; first of all
+/// the first ones, in the order of the regions. There is room for kWalkRoom of them.
+struct WalkedRows {
+  std::int32_t* left;
+  std::int32_t* right;
+  std::int32_t* above;
+};
+constexpr std::size_t kWalkRoom = 32 * kWalkTogether;
+
+enum class WalkEnd : std::uint8_t {
+  given_up,
+  closed,  ///< large enough, nothing lies below the last row
+  open     ///< what comes below the last row couldn't be told, or there was no more room
+};
+
+/// How far a region was walked.
+struct RegionWalk {
+  std::int32_t rows;      ///< its first one included
+  std::int32_t last_row;  ///< where the last one is listed
+  /// Counted outwards: how far the sides have come, or from where they have come in, if they do.
+  std::int32_t left_extreme, right_extreme;
+  bool left_inwards, right_inwards;
+  std::int32_t least, most;  ///< of all ends
+  std::int32_t area;         ///< in pixels of the rows that are looked at
+};
+
+/// Goes down both sides of up to kWalkTogether regions from their tops. Those that end too small,
+/// touch the image's border, go out again after they have come in, or meet something that comes
+/// down from farther above are given up. ends[i] and, unless it was given up, walks[i] tell of
+/// starts[i].
+void walk_regions(const RegionMap& map, const RegionStart* starts, std::size_t count,
+                  const WalkedRows& rows, RegionWalk* walks, WalkEnd* ends);
+
+/// The same in plain C++.
 void walk_regions_scalar(const RegionMap& map, const RegionStart* starts, std::size_t count,
-                         std::uint8_t* survives);
+                         const WalkedRows& rows, RegionWalk* walks, WalkEnd* ends);
 
 }  // namespace harco::detect::kernels
