@@ -1,6 +1,6 @@
 // How long each stage of detection and pose takes by itself, with Google Benchmark: stages of
 // whole frames (content, width), and poses of a single marker by its side in pixels. Rates and
-// counters are of what a stage goes through: pixels, regions, contours, quads.
+// counters are of what a stage goes through: pixels, regions, quads.
 #include <cmath>
 #include <map>
 #include <optional>
@@ -73,21 +73,26 @@ detect::Threshold threshold_of(const Image& image) {
 /// Of markers of 10 pixels on, as the detector asks for.
 detect::RegionLimits limits() { return {5, 28, 25.0}; }
 
-std::vector<detect::RegionTop> tops_of(const detect::Threshold& threshold) {
+/// A region and its rows.
+struct Kept {
+  explicit Kept(const detect::Region& from)
+      : left(from.left, from.left + from.rows),
+        right(from.right, from.right + from.rows),
+        region(from) {}
+  std::vector<std::int32_t> left, right;
+  detect::Region region;
+};
+
+std::vector<Kept> regions_of(const detect::Threshold& threshold) {
   detect::ConvexRegions regions;
   regions.start(threshold, detect::Threshold::kMiddleLevel, limits());
-  std::vector<detect::RegionTop> tops;
-  for (detect::RegionTop top{}; regions.next(top);) tops.push_back(top);
-  return tops;
-}
-
-std::vector<detect::Contour> contours_of(const detect::Threshold& threshold) {
-  detect::BorderFollower follower;
-  follower.start(threshold, detect::Threshold::kMiddleLevel);
-  std::vector<detect::Contour> contours;
-  for (const detect::RegionTop& top : tops_of(threshold))
-    if (const detect::Contour* contour = follower.around(top)) contours.push_back(*contour);
-  return contours;
+  std::vector<Kept> all;
+  while (const detect::Region* region = regions.next()) all.emplace_back(*region);
+  for (Kept& kept : all) {
+    kept.region.left = kept.left.data();
+    kept.region.right = kept.right.data();
+  }
+  return all;
 }
 
 void threshold(State& state) {
@@ -106,30 +111,22 @@ void regions(State& state) {
   for (auto _ : state) {
     found = 0;
     regions.start(threshold, detect::Threshold::kMiddleLevel, limits());
-    for (detect::RegionTop top{}; regions.next(top);) ++found;
+    while (regions.next()) ++found;
   }
   count(state, "regions", found);
 }
 BENCHMARK(regions)->Apply(frames);
 
-void contours(State& state) {
+void region_quad(State& state) {
   const detect::Threshold threshold = threshold_of(frame_of(state));
-  const std::vector<detect::RegionTop> tops = tops_of(threshold);
-  detect::BorderFollower follower;
-  follower.start(threshold, detect::Threshold::kMiddleLevel);
+  const std::vector<Kept> all = regions_of(threshold);
+  detect::RegionQuad quad;
+  quad.start(threshold, detect::Threshold::kMiddleLevel);
   for (auto _ : state)
-    for (const detect::RegionTop& top : tops) benchmark::DoNotOptimize(follower.around(top));
-  count(state, "contours", tops.size());
+    for (const Kept& kept : all) benchmark::DoNotOptimize(quad.fit(kept.region));
+  count(state, "regions", all.size());
 }
-BENCHMARK(contours)->Apply(frames);
-
-void quad_fit(State& state) {
-  const std::vector<detect::Contour> all = contours_of(threshold_of(frame_of(state)));
-  for (auto _ : state)
-    for (const detect::Contour& contour : all) benchmark::DoNotOptimize(detect::fit_quad(contour));
-  count(state, "contours", all.size());
-}
-BENCHMARK(quad_fit)->Apply(frames);
+BENCHMARK(region_quad)->Apply(frames);
 
 /// Of every quad: sides fitted, cells read, the code looked up.
 void edges_and_decoding(State& state) {

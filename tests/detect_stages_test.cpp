@@ -13,11 +13,11 @@
 #include "detect/bands.hpp"
 #include "detect/cells.hpp"
 #include "detect/codebook.hpp"
-#include "detect/contours.hpp"
 #include "detect/edges.hpp"
 #include "detect/median.hpp"
 #include "detect/profiles.hpp"
 #include "detect/quad.hpp"
+#include "detect/region_quad.hpp"
 #include "detect/sample.hpp"
 #include "detect/shapes.hpp"
 #include "detect/square_homography.hpp"
@@ -34,19 +34,41 @@ Image square_image(int size, int from, int to, std::uint8_t outside, std::uint8_
   return image;
 }
 
-std::vector<Contour> contours_of(const Image& image) {
+/// A quad that was fitted to a region, and the points of its border.
+struct Fitted {
+  Quad corners;
+  bool dark;
+  std::vector<Point> border;
+};
+
+std::vector<Fitted> quads_of(const Image& image,
+                             const std::vector<std::size_t>& levels = {Threshold::kMiddleLevel,
+                                                                       Threshold::kLineLevel},
+                             const RegionLimits& limits = {}) {
   Threshold threshold;
   threshold.measure(image.view());
   ConvexRegions regions;
-  BorderFollower follower;
-  std::vector<Contour> contours;
-  for (const std::size_t level : {Threshold::kMiddleLevel, Threshold::kLineLevel}) {
-    follower.start(threshold, level);
-    regions.start(threshold, level, {});
-    for (RegionTop top{}; regions.next(top);)
-      if (const Contour* contour = follower.around(top)) contours.push_back(*contour);
+  RegionQuad quad;
+  std::vector<Fitted> all;
+  for (const std::size_t level : levels) {
+    quad.start(threshold, level);
+    regions.start(threshold, level, limits);
+    while (const Region* region = regions.next())
+      if (const auto corners = quad.fit(*region))
+        all.push_back({*corners, region->dark, quad.border()});
   }
-  return contours;
+  return all;
+}
+
+/// How far the corner that is farthest from all of `truth` lies from the nearest of them.
+double farthest(const Quad& corners, const Quad& truth) {
+  double most = 0.0;
+  for (const Point& corner : corners) {
+    double nearest = 1e9;
+    for (const Point& other : truth) nearest = std::min(nearest, (other - corner).norm());
+    most = std::max(most, nearest);
+  }
+  return most;
 }
 
 TEST(Threshold, LiesBetweenTheExtremesNearby) {
@@ -136,15 +158,17 @@ TEST(Edges, DontMoveInLightThatChangesAlongThem) {
 constexpr std::size_t kDark = Threshold::kMiddleLevel;
 constexpr std::size_t kBright = Threshold::kLineLevel;
 
-std::vector<RegionTop> regions_of(const Image& image, std::size_t level,
-                                  const RegionLimits& limits = {}) {
+/// What a region is; its rows are gone.
+std::vector<Region> regions_of(const Image& image, std::size_t level,
+                               const RegionLimits& limits = {}) {
   Threshold threshold;
   threshold.measure(image.view());
   ConvexRegions regions;
   regions.start(threshold, level, limits);
-  std::vector<RegionTop> tops;
-  for (RegionTop top{}; regions.next(top);) tops.push_back(top);
-  return tops;
+  std::vector<Region> all;
+  while (const Region* region = regions.next()) all.push_back(*region);
+  for (Region& region : all) region.left = region.right = nullptr;
+  return all;
 }
 
 /// The shade's own outline, where it begins, is a pixel wide.
@@ -155,20 +179,20 @@ void fill(Image& image, int left, int top, int right, int bottom, std::uint8_t g
     for (int x = left; x < right; ++x) image.row(y)[x] = grey;
 }
 
-TEST(ConvexRegions, BeginAtTheirTopLeftPixelAndKnowTheirBox) {
+TEST(ConvexRegions, KnowTheirBoxAndTheirCorners) {
   Image image(40, 40, 200);
   fill(image, 8, 10, 28, 25, 0);
   fill(image, 12, 14, 24, 21, 200);
-  const std::vector<RegionTop> dark = regions_of(image, kDark);
+  const std::vector<Region> dark = regions_of(image, kDark);
   ASSERT_EQ(dark.size(), 1U);
-  EXPECT_EQ(dark[0].x, 8);
   EXPECT_EQ(dark[0].y, 10);
   EXPECT_EQ(dark[0].columns, 20);
   EXPECT_EQ(dark[0].rows, 15);
-  const std::vector<RegionTop> bright = regions_of(image, kBright);
+  EXPECT_EQ(dark[0].corners, (kernels::OutlineCorners{{{28, 15}, {8, 15}, {8, 0}, {28, 0}}}));
+  const std::vector<Region> bright = regions_of(image, kBright);
   ASSERT_EQ(bright.size(), 1U);
-  EXPECT_EQ(bright[0].x, 12);
   EXPECT_EQ(bright[0].y, 14);
+  EXPECT_EQ(bright[0].rows, 7);
 }
 
 TEST(ConvexRegions, AreAsWideAsTheyAre) {
@@ -227,19 +251,24 @@ TEST(ConvexRegions, AtTheLowLevelAreThoseBesideAThirdGrey) {
   EXPECT_TRUE(regions_of(image, Threshold::kLowLevel, kNoLines).empty());
 }
 
-TEST(ConvexRegions, OfEverySecondRowBeginAtTheirFirstPixel) {
-  // At odd and at even rows, beside a third grey.
+TEST(ConvexRegions, OfEverySecondRowAreSeenAtOddAndAtEvenRows) {
+  // Beside a third grey.
   for (const int top : {20, 21}) {
     Image image(60, 60, 240);
     fill(image, 15, 15, 45, 45, 90);
     fill(image, 20, top, 40, 40, 10);
-    fill(image, 24, top - 1, 34, top, 10);
-    const std::vector<RegionTop> regions = regions_of(image, Threshold::kLowLevel, kNoLines);
+    const std::vector<Region> regions = regions_of(image, Threshold::kLowLevel, kNoLines);
     ASSERT_EQ(regions.size(), 1U);
-    EXPECT_EQ(regions[0].x, 24);
-    EXPECT_EQ(regions[0].y, top - 1);
+    EXPECT_EQ(regions[0].row_step, 2);
+    EXPECT_EQ(regions[0].y, (top + 1) / 2 * 2);
     EXPECT_EQ(regions[0].columns, 20);
-    EXPECT_NEAR(regions[0].rows, 41 - top, 1);
+    EXPECT_NEAR(regions[0].height(), 40 - top, 1);
+    // The rows between are looked at where sides are fitted.
+    const auto quads = quads_of(image, {Threshold::kLowLevel}, kNoLines);
+    ASSERT_EQ(quads.size(), 1U);
+    const double above = top - 0.5;
+    const Quad truth{{{19.5, above}, {39.5, above}, {39.5, 39.5}, {19.5, 39.5}}};
+    EXPECT_LT(farthest(quads[0].corners, truth), 0.6);
   }
 }
 
@@ -248,10 +277,10 @@ TEST(ConvexRegions, OfEverySecondRowBeginNowhereBeyondACorner) {
   fill(image, 15, 15, 45, 45, 90);
   fill(image, 20, 20, 40, 40, 10);
   fill(image, 17, 17, 20, 20, 10);  // touches the upper left corner of that
-  const std::vector<RegionTop> regions = regions_of(image, Threshold::kLowLevel, kNoLines);
-  ASSERT_EQ(regions.size(), 1U);
-  EXPECT_EQ(regions[0].x, 20);
-  EXPECT_EQ(regions[0].y, 20);
+  const auto quads = quads_of(image, {Threshold::kLowLevel}, kNoLines);
+  ASSERT_EQ(quads.size(), 1U);
+  const Quad truth{{{19.5, 19.5}, {39.5, 19.5}, {39.5, 39.5}, {19.5, 39.5}}};
+  EXPECT_LT(farthest(quads[0].corners, truth), 0.6);
 }
 
 TEST(ConvexRegions, OfEverySecondRowEndAtAGapOfOneRow) {
@@ -260,10 +289,10 @@ TEST(ConvexRegions, OfEverySecondRowEndAtAGapOfOneRow) {
   fill(image, 25, 15, 55, 55, 90);
   fill(image, 30, 20, 50, 39, 10);
   fill(image, 27, 40, 53, 50, 10);
-  const std::vector<RegionTop> regions = regions_of(image, Threshold::kLowLevel, kNoLines);
+  const std::vector<Region> regions = regions_of(image, Threshold::kLowLevel, kNoLines);
   ASSERT_EQ(regions.size(), 1U);
   EXPECT_EQ(regions[0].columns, 20);
-  EXPECT_NEAR(regions[0].rows, 19, 1);
+  EXPECT_NEAR(regions[0].height(), 19, 1);
 }
 
 TEST(ConvexRegions, BeginBelowASteepEdge) {
@@ -284,9 +313,9 @@ TEST(ConvexRegions, HaveNoBaysAlongTheirSides) {
   fill(image, 50, 10, 66, 26, 0);
   EXPECT_EQ(regions_of(image, kDark).size(), 2U);
   fill(image, 52, 13, 64, 26, 200);
-  const std::vector<RegionTop> tops = regions_of(image, kDark);
-  ASSERT_EQ(tops.size(), 1U);
-  EXPECT_EQ(tops[0].x, 10);
+  const std::vector<Region> regions = regions_of(image, kDark);
+  ASSERT_EQ(regions.size(), 1U);
+  EXPECT_EQ(std::min(regions[0].corners[0].x, regions[0].corners[2].x), 10);
 }
 
 TEST(Shapes, InTheShadeLieWhereTheyAreInTheImage) {
@@ -344,57 +373,68 @@ TEST(Cells, StandOutFromTheRingOrNot) {
   EXPECT_FALSE(has_bright_cells(image.view(), square, kCells));
 }
 
-TEST(Contours, FollowADarkSquareAtHalfPixels) {
-  const std::vector<Contour> contours = contours_of(square_image(32, 10, 20, 200, 0));
-  ASSERT_EQ(contours.size(), 1U);
-  EXPECT_FALSE(contours[0].hole);
-  EXPECT_EQ(contours[0].points.size(), 40U);
-  // From 9.5 to 19.5 each way, the four corners cut at 45 degrees: 100 - 4 * 0.125.
-  EXPECT_NEAR(contours[0].area, 99.5, 1e-9);
+TEST(RegionQuad, LiesAtHalfPixels) {
+  const auto quads = quads_of(square_image(32, 10, 20, 200, 0));
+  ASSERT_EQ(quads.size(), 1U);
+  EXPECT_TRUE(quads[0].dark);
+  EXPECT_EQ(quads[0].border.size(), 40U);
+  const Quad truth{{{9.5, 9.5}, {19.5, 9.5}, {19.5, 19.5}, {9.5, 19.5}}};
+  EXPECT_LT(farthest(quads[0].corners, truth), 1e-9);
+  EXPECT_NEAR(area(quads[0].corners), 100.0, 1e-9);
 }
 
-TEST(Contours, TellHolesFromIslands) {
+TEST(RegionQuad, TellsDarkFromBright) {
   Image image = square_image(40, 8, 32, 200, 0);
-  for (int y = 12; y < 28; ++y)
-    for (int x = 12; x < 28; ++x) image.row(y)[x] = 200;
-  const std::vector<Contour> contours = contours_of(image);
-  ASSERT_EQ(contours.size(), 2U);
-  EXPECT_FALSE(contours[0].hole);
-  EXPECT_TRUE(contours[1].hole);
-  // At 11 / 16 of the grey: 3 / 16 of a pixel inside of the pixels' borders, and corners cut at
-  // what is left of half a pixel.
-  EXPECT_NEAR(contours[1].area, 15.625 * 15.625 - 4 * 0.5 * 0.3125 * 0.3125, 1e-9);
+  fill(image, 12, 12, 28, 28, 200);
+  const auto quads = quads_of(image);
+  ASSERT_EQ(quads.size(), 2U);
+  EXPECT_TRUE(quads[0].dark);
+  EXPECT_FALSE(quads[1].dark);
+  // At 11 / 16 of the grey: 3 / 16 of a pixel inside of the pixels' borders.
+  const double from = 11.5 + 3.0 / 16.0;
+  const double to = 27.5 - 3.0 / 16.0;
+  const Quad truth{{{from, from}, {to, from}, {to, to}, {from, to}}};
+  EXPECT_LT(farthest(quads[1].corners, truth), 1e-9);
+  EXPECT_GT(area(quads[1].corners), 0.0);
 }
 
-TEST(Contours, SeeTheGreyBetweenPixels) {
+TEST(RegionQuad, SeesTheGreyBetweenPixels) {
   // The left column of the square is 3/4 bright: its border moves right, to where the grey passes
   // the threshold of 100 between 150 and 0.
   Image image = square_image(32, 10, 20, 200, 0);
-  for (int y = 10; y < 20; ++y) image.row(y)[10] = 150;
-  const std::vector<Contour> contours = contours_of(image);
-  ASSERT_EQ(contours.size(), 1U);
+  fill(image, 10, 10, 11, 20, 150);
+  const auto quads = quads_of(image, {kDark});
+  ASSERT_EQ(quads.size(), 1U);
   double left = 100.0;
-  for (const Point& point : contours[0].points) left = std::min(left, point.x());
+  for (const Point& corner : quads[0].corners) left = std::min(left, corner.x());
   EXPECT_NEAR(left, 10.0 + 50.0 / 150.0, 1e-9);
 }
 
-TEST(Contours, JoinDarkPixelsAtACornerOnlyIfTheGreyBetweenIsDark) {
-  // Two dark squares that touch at a corner: the mean of the four pixels there is 100, the
-  // thresholds are 62.5, 100 and 137.5.
-  Image image(24, 24, 200);
-  for (int i = 0; i < 4; ++i)
-    for (int j = 0; j < 4; ++j) image.row(8 + i)[8 + j] = image.row(12 + i)[12 + j] = 0;
-  Threshold threshold;
-  threshold.measure(image.view());
-  BorderFollower follower;
-  const auto points_around_the_upper_one = [&](std::size_t level) {
-    follower.start(threshold, level);
-    const Contour* contour = follower.around({8, 8, true, 8, 8});
-    return contour ? contour->points.size() : 0;
-  };
-  EXPECT_EQ(points_around_the_upper_one(Threshold::kLowLevel), 16U);
-  EXPECT_EQ(points_around_the_upper_one(Threshold::kMiddleLevel), 16U);
-  EXPECT_EQ(points_around_the_upper_one(Threshold::kLineLevel), 32U);
+TEST(RegionQuad, HasNoBaysOnMostOfASide) {
+  // From below: the rows' ends are those of a square. Of half of the side or less, the rest tells.
+  for (const auto& [width, count] : {std::pair{0, 1U}, {30, 1U}, {50, 0U}}) {
+    Image image = square_image(120, 20, 100, 200, 0);
+    fill(image, 60 - width / 2, 70, 60 + width / 2, 100, 200);
+    const auto quads = quads_of(image, {kDark});
+    ASSERT_EQ(quads.size(), count) << width;
+    const Quad truth{{{19.5, 19.5}, {99.5, 19.5}, {99.5, 99.5}, {19.5, 99.5}}};
+    for (const Fitted& quad : quads) EXPECT_LT(farthest(quad.corners, truth), 1e-9);
+  }
+}
+
+TEST(RegionQuad, GoesAroundBumpsOfARow) {
+  // Two along the upper side: from the top of one, the other isn't part of the rows looked at.
+  Image image = square_image(60, 20, 42, 200, 0);
+  fill(image, 25, 19, 30, 20, 0);
+  fill(image, 34, 19, 39, 20, 0);
+  const auto quads = quads_of(image, {kDark});
+  ASSERT_FALSE(quads.empty());
+  for (const Fitted& quad : quads) {
+    std::array<int, 2> bumps{};
+    for (const Point& point : quad.border)
+      if (point.y() < 19.0) ++bumps[point.x() > 32.0 ? 1 : 0];
+    EXPECT_EQ(bumps, (std::array<int, 2>{5, 5}));
+  }
 }
 
 /// Dark where the point is inside the polygon (clockwise on the screen).
@@ -413,83 +453,59 @@ Image polygon_image(int size, const std::vector<Point>& corners) {
   return image;
 }
 
-TEST(Contours, OfConvexShapesAreFoundAtEveryTurn) {
+/// A regular polygon.
+std::vector<Point> polygon(int corners, double radius, double degrees) {
+  std::vector<Point> all;
+  for (int i = 0; i < corners; ++i) {
+    const double angle = degrees * std::numbers::pi / 180.0 + 2.0 * std::numbers::pi * i / corners;
+    all.emplace_back(64.3 + radius * std::cos(angle), 63.8 + radius * std::sin(angle));
+  }
+  return all;
+}
+
+TEST(RegionQuad, IsFoundAtEveryTurn) {
   for (int degrees = 0; degrees < 90; degrees += 3)
     for (const double half : {5.0, 9.0, 40.0}) {
-      const double angle = degrees * std::numbers::pi / 180.0;
-      const Eigen::Rotation2Dd turn(angle);
-      std::vector<Point> corners;
-      for (const Point& corner : {Point(-1, -1), Point(1, -1), Point(1, 1), Point(-1, 1)})
-        corners.push_back(Point(64.3, 63.8) + turn * (half * corner));
+      const std::vector<Point> corners = polygon(4, std::numbers::sqrt2 * half, degrees);
       // Dark inside bright, and the other way round in a dark frame.
       Image image = polygon_image(128, corners);
-      auto contours = contours_of(image);
-      const auto island = std::find_if(contours.begin(), contours.end(),
-                                       [](const Contour& contour) { return !contour.hole; });
-      ASSERT_NE(island, contours.end()) << degrees << " degrees, " << half;
-      EXPECT_NEAR(island->area, 4.0 * half * half, 0.1 * 4.0 * half * half);
-      for (std::uint8_t& pixel : image.pixels) pixel = static_cast<std::uint8_t>(200 - pixel);
-      contours = contours_of(image);
-      const auto hole = std::find_if(contours.begin(), contours.end(),
-                                     [](const Contour& contour) { return contour.hole; });
-      ASSERT_NE(hole, contours.end()) << degrees << " degrees, " << half;
-      EXPECT_NEAR(hole->area, 4.0 * half * half, 0.1 * 4.0 * half * half);
+      for (const bool dark : {true, false}) {
+        const auto quads = quads_of(image, {dark ? kDark : kBright});
+        ASSERT_EQ(quads.size(), 1U) << degrees << " degrees, " << half;
+        EXPECT_EQ(quads[0].dark, dark);
+        EXPECT_LT(farthest(quads[0].corners, {corners[0], corners[1], corners[2], corners[3]}), 1.0)
+            << degrees << " degrees, " << half;
+        EXPECT_TRUE(convex(quads[0].corners));
+        for (std::uint8_t& pixel : image.pixels) pixel = static_cast<std::uint8_t>(200 - pixel);
+      }
     }
 }
 
-TEST(Contours, GiveUpWhatIsHollowOrCutOff) {
-  // A letter C, and a square at the image's edge.
+TEST(RegionQuad, RefusesWhatIsNone) {
+  // A letter C, a square at the image's edge, other polygons, a circle.
   Image image = square_image(80, 20, 60, 200, 0);
-  for (int y = 30; y < 50; ++y)
-    for (int x = 30; x < 60; ++x) image.row(y)[x] = 200;
-  EXPECT_TRUE(contours_of(image).empty());
-  EXPECT_TRUE(contours_of(square_image(40, 0, 20, 200, 0)).empty());
+  fill(image, 30, 30, 60, 50, 200);
+  EXPECT_TRUE(quads_of(image).empty());
+  EXPECT_TRUE(quads_of(square_image(40, 0, 20, 200, 0)).empty());
+  for (const int corners : {3, 5, 6, 60})
+    for (const double degrees : {0.0, 7.0, 45.0})
+      EXPECT_TRUE(quads_of(polygon_image(128, polygon(corners, 30.0, degrees))).empty())
+          << corners << " corners";
 }
 
-Contour outline(const std::vector<Point>& corners, int per_side) {
-  Contour contour;
-  double twice = 0.0;
-  for (std::size_t i = 0; i < corners.size(); ++i) {
-    const Point a = corners[i];
-    const Point b = corners[(i + 1) % corners.size()];
-    twice += a.x() * b.y() - a.y() * b.x();
-    for (int k = 0; k < per_side; ++k)
-      contour.points.push_back(a + (b - a) * (double(k) / per_side));
-  }
-  contour.area = std::abs(0.5 * twice);
-  contour.hole = twice < 0.0;
-  return contour;
-}
-
-TEST(Quad, FindsTheCornersOfAnyConvexOutline) {
-  const std::vector<Point> corners{{10, 12}, {60, 20}, {70, 66}, {18, 50}};
-  const auto quad = fit_quad(outline(corners, 40));
-  ASSERT_TRUE(quad);
-  for (const Point& corner : corners) {
-    double nearest = 1e9;
-    for (const Point& found : *quad) nearest = std::min(nearest, (found - corner).norm());
-    EXPECT_LT(nearest, 1e-6);
-  }
-  EXPECT_TRUE(convex(*quad));
-  EXPECT_GT(area(*quad), 0.0);
-}
-
-TEST(Quad, RunsClockwiseForHolesToo) {
-  const auto quad = fit_quad(outline({{18, 50}, {70, 66}, {60, 20}, {10, 12}}, 40));
-  ASSERT_TRUE(quad);
-  EXPECT_GT(area(*quad), 0.0);
-}
-
-TEST(Quad, RefusesWhatIsNone) {
-  EXPECT_FALSE(fit_quad(outline({{0, 0}, {40, 0}, {20, 35}}, 40)));  // triangle
-  EXPECT_FALSE(fit_quad(outline({{0, 0}, {40, 0}, {55, 25}, {20, 50}, {-15, 25}}, 40)));  // five
-  EXPECT_FALSE(fit_quad(outline({{0, 0}, {50, 0}, {12, 12}, {0, 50}}, 40)));  // not convex
-  std::vector<Point> circle;
-  for (int i = 0; i < 60; ++i) {
-    const double angle = 2.0 * std::numbers::pi * i / 60;
-    circle.emplace_back(30.0 * std::cos(angle), 30.0 * std::sin(angle));
-  }
-  EXPECT_FALSE(fit_quad(outline(circle, 3)));
+TEST(RegionQuad, KnowsNoLessThanTheAreaAskedFor) {
+  const Image image = square_image(32, 10, 20, 200, 0);
+  Threshold threshold;
+  threshold.measure(image.view());
+  ConvexRegions regions;
+  regions.start(threshold, kDark, {});
+  RegionQuad quad;
+  quad.start(threshold, kDark);
+  const Region* region = regions.next();
+  ASSERT_TRUE(region);
+  // The corners of the border are cut at 45 degrees: 100 - 4 * 0.125.
+  EXPECT_TRUE(quad.fit(*region, 99.4));
+  EXPECT_FALSE(quad.fit(*region, 99.6));
 }
 
 TEST(Quad, IntersectsLines) {

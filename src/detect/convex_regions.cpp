@@ -201,15 +201,15 @@ void ConvexRegions::start_rows(int first_row, int end_row) {
   }
 }
 
-bool ConvexRegions::next(RegionTop& top) {
+const Region* ConvexRegions::next() {
   for (;;) {
     while (next_walk_ < walk_count_) {
       const std::size_t walk = next_walk_++;
       if (walk_ends_[walk] != kernels::WalkEnd::given_up &&
-          (dark_ ? may_be_convex<true>(walk, top) : may_be_convex<false>(walk, top)))
-        return true;
+          (dark_ ? may_be_convex<true>(walk) : may_be_convex<false>(walk)))
+        return &region_;
     }
-    if (!walk_some()) return false;
+    if (!walk_some()) return nullptr;
   }
 }
 
@@ -342,7 +342,7 @@ void ConvexRegions::take_rows(const kernels::RegionWalk& walk) {
 /// Whether the region that was walked ends like something convex, and has about the shape of a
 /// quadrilateral. Where it isn't known yet, goes on down both sides.
 template <bool kDark>
-bool ConvexRegions::may_be_convex(std::size_t walk, RegionTop& top) {
+bool ConvexRegions::may_be_convex(std::size_t walk) {
   const kernels::RegionStart& start = starts_[first_walk_ + walk];
   const kernels::RegionWalk& so_far = walks_[walk];
   take_rows(so_far);
@@ -388,74 +388,56 @@ bool ConvexRegions::may_be_convex(std::size_t walk, RegionTop& top) {
       right_ends_[static_cast<std::size_t>(rows)] = right;
     }
   }
-  top = {start.left, start.y * step_, kDark, most - least + 1, rows * step_};
-  if (std::min(top.rows, top.columns) < limits_.least_extent) return false;
-  if (2 * (top.rows + top.columns) < limits_.least_length) return false;
-  if (!outlines_quad(step_ * area, top) || !is_news(top)) return false;
-  raise(top, start.right);
-  return true;
-}
-
-/// To the region's first pixel, if that is in the row above, which wasn't looked at.
-void ConvexRegions::raise(RegionTop& top, int right) const {
-  if (step_ == 1) return;
-  const int y = top.y - 1;
-  // What touches only at a corner is for those to judge who follow the border.
-  int x = top.x;
-  while (x <= right && map_->dark(x, y) != dark_) ++x;
-  if (x > right) return;
-  while (x > 0 && map_->dark(x - 1, y) == dark_) --x;
-  top.x = x;
-  top.y = y;
-  ++top.rows;
+  region_ = {
+      kDark, start.y * step_, step_, rows, most - least + 1, left_ends_.data(), right_ends_.data(),
+      {}};
+  if (std::min(region_.height(), region_.columns) < limits_.least_extent) return false;
+  if (2 * (region_.height() + region_.columns) < limits_.least_length) return false;
+  return outlines_quad(step_ * area) && is_news();
 }
 
 /// Whether beside some part of the region's sides there is the third grey that made a lower level
 /// necessary: bright there, dark in the middle. Otherwise that one finds the region as well.
-bool ConvexRegions::is_news(const RegionTop& top) const {
+bool ConvexRegions::is_news() const {
   if (!known_) return true;
-  const int rows = top.rows / step_;
   int news = 0;
-  for (int row = 0; row < rows; ++row) {
-    const auto at = static_cast<std::size_t>(row);
-    const int y = top.y + row * step_;
-    news += known_->dark(left_ends_[at] - 1, y) || known_->dark(right_ends_[at] + 1, y);
+  for (int row = 0; row < region_.rows; ++row) {
+    const int y = region_.y + row * step_;
+    news += known_->dark(region_.left[row] - 1, y) || known_->dark(region_.right[row] + 1, y);
   }
-  return 8 * news >= rows;
+  return 8 * news >= region_.rows;
 }
 
 /// Whether a region is about the quadrilateral between the two points of its outline that are
 /// farthest from one another and those farthest from the line between them, on both sides: by area,
 /// and by how far the outline strays from the sides.
-bool ConvexRegions::outlines_quad(std::int64_t area, const RegionTop& top) const {
+bool ConvexRegions::outlines_quad(std::int64_t area) {
   if (static_cast<double>(area) < limits_.least_area) return false;
-  const kernels::Outline outline{left_ends_.data(), right_ends_.data(), top.rows / step_, step_,
-                                 top.columns};
-  const kernels::OutlineCorners corners = kernels::outline_corners(outline);
+  const kernels::Outline outline{region_.left, region_.right, region_.rows, step_, region_.columns};
+  const kernels::OutlineCorners& corners = region_.corners = kernels::outline_corners(outline);
   const auto cross = [&](std::size_t i, std::size_t k) {
     return std::int64_t{corners[i].x - corners[0].x} * (corners[k].y - corners[0].y) -
            std::int64_t{corners[i].y - corners[0].y} * (corners[k].x - corners[0].x);
   };
   const std::int64_t quad = cross(1, 2) + cross(2, 3);  // twice its area
-  const std::int64_t length = 2 * (top.rows + top.columns);
+  const std::int64_t length = 2 * (region_.height() + region_.columns);
   // Half a pixel along the way is what noise takes; blur rounds corners.
   const std::int64_t surplus = 2 * area - quad;
   if (surplus < -quad / 6 - length || surplus > quad / 8 + length / 2) return false;
-  return kernels::outline_keeps_to(outline, corners, slack_of(corners)) &&
-         is_filled_along(corners, top);
+  return kernels::outline_keeps_to(outline, corners, slack_of(corners)) && is_filled_along();
 }
 
 /// Whether the region lies just inside the sides of a quadrilateral as above: bays from below or
 /// above don't show at the ends of rows. Only of small ones: there are few others, and their sides
 /// may be bent.
-bool ConvexRegions::is_filled_along(const kernels::OutlineCorners& corners,
-                                    const RegionTop& top) const {
+bool ConvexRegions::is_filled_along() const {
+  const kernels::OutlineCorners& corners = region_.corners;
   constexpr int kSmall = 64;       // pixels
   constexpr float kInside = 0.7F;  // pixels; the border of the smallest marker is hardly thicker
   constexpr int kPlaces = 7;       // a side
   constexpr int kMostMissed = 6;   // of all, and no more than
   constexpr int kMostOfASide = 3;  // of them on one side
-  if (std::max(top.rows, top.columns) >= kSmall) return true;
+  if (std::max(region_.height(), region_.columns) >= kSmall) return true;
   int all_missed = 0;
   for (std::size_t i = 0; i < 4; ++i) {
     const kernels::OutlineCorner& from = corners[i];
@@ -465,7 +447,7 @@ bool ConvexRegions::is_filled_along(const kernels::OutlineCorners& corners,
     const float inwards =
         kInside / std::max(std::sqrt(along_x * along_x + along_y * along_y), 1.0F);
     const float x = static_cast<float>(from.x) - inwards * along_y;
-    const float y = static_cast<float>(from.y + top.y) + inwards * along_x;
+    const float y = static_cast<float>(from.y + region_.y) + inwards * along_x;
     int missed = 0;
     for (int place = 1; place <= kPlaces; ++place) {
       const float share = static_cast<float>(place) / (kPlaces + 1);

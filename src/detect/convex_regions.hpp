@@ -20,11 +20,18 @@ struct RegionLimits {
   double least_area = 0.0;  ///< square pixels
 };
 
-/// A region's first pixel, row by row from the left, and how large its bounding box is.
-struct RegionTop {
-  int x, y;
+/// A region by the ends of its rows, of those that are looked at.
+struct Region {
   bool dark;
-  int columns, rows;
+  int y;                      ///< of its first row
+  int row_step;               ///< pixels from one row to the next
+  int rows;                   ///< how many there are
+  int columns;                ///< of the bounding box
+  const std::int32_t* left;   ///< the first pixel of each row
+  const std::int32_t* right;  ///< and the last one
+  /// Of its outline, clockwise: x in the image, y from the top of the first row.
+  kernels::OutlineCorners corners;
+  int height() const { return rows * row_step; }
 };
 
 /// Finds the regions of a dark map that have about the shape of a quadrilateral, whatever they hold
@@ -45,8 +52,9 @@ class ConvexRegions {
 
   const RegionLimits& limits() const { return limits_; }
 
-  /// The next region, from the bottom of the image upwards; false if there is no more.
-  bool next(RegionTop& top);
+  /// The next region, from the bottom of the image upwards, or null if there are no more. It stays
+  /// until the next one is asked for.
+  const Region* next();
 
  private:
   /// Of this row, where ways begin that regions may begin with.
@@ -63,15 +71,14 @@ class ConvexRegions {
   void find_tops();
   void add_top(int left, int right);
   void add_open_top(int word);
-  void raise(RegionTop& top, int right) const;
-  bool is_news(const RegionTop& top) const;
+  bool is_news() const;
   bool walk_some();
   void find_starts();
   template <bool kDark>
-  bool may_be_convex(std::size_t walk, RegionTop& top);
+  bool may_be_convex(std::size_t walk);
   void take_rows(const kernels::RegionWalk& walk);
-  bool outlines_quad(std::int64_t area, const RegionTop& top) const;
-  bool is_filled_along(const kernels::OutlineCorners& corners, const RegionTop& top) const;
+  bool outlines_quad(std::int64_t area);
+  bool is_filled_along() const;
 
   const Threshold* threshold_ = nullptr;
   const DarkMap* map_ = nullptr;
@@ -104,7 +111,8 @@ class ConvexRegions {
   std::vector<kernels::RegionWalk> walks_;
   std::vector<kernels::WalkEnd> walk_ends_;
   std::array<std::vector<std::int32_t>, 3> walked_rows_;  // kernels::WalkedRows
-  std::vector<std::int32_t> left_ends_, right_ends_;      // of the region, row by row
+  Region region_{};                                       // the last one,
+  std::vector<std::int32_t> left_ends_, right_ends_;      // and the ends of its rows
   DarkMap tall_;                         // where this and the two pixels above are the region's:
   const DarkMap* whole_tall_ = nullptr;  // one's own, or that of the whole
 };

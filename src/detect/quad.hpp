@@ -1,13 +1,15 @@
-// Third stage: contours that are quadrilaterals.
+// Quadrilaterals in the image.
 #pragma once
 
 #include <array>
 #include <optional>
 #include <vector>
 
-#include "detect/contours.hpp"
+#include <Eigen/Core>
 
 namespace harco::detect {
+
+using Point = Eigen::Vector2d;  ///< pixels
 
 /// Four corners, clockwise on the screen.
 using Quad = std::array<Point, 4>;
@@ -28,9 +30,5 @@ std::vector<Quad> different(const std::vector<Quad>& quads, double share);
 
 /// Where the line through a, b meets the one through c, d; empty if they are parallel.
 std::optional<Point> intersection(const Point& a, const Point& b, const Point& c, const Point& d);
-
-/// The convex quadrilateral that a contour follows, its sides fitted to the contour's points. Empty
-/// if some part of the contour keeps away from it.
-std::optional<Quad> fit_quad(const Contour& contour);
 
 }  // namespace harco::detect

@@ -127,14 +127,13 @@ void ShapeFinder::look_through(Part& part, Scratch& scratch, double min_side, bo
   part.contours.clear();
   const Pass& pass = kPasses[part.pass];
   scratch.regions.start(passes_[part.pass], part.first_row, part.end_row);
-  scratch.follower.start(threshold_, pass.level);
-  for (RegionTop top{}; scratch.regions.next(top);) {
-    const Contour* contour = scratch.follower.around(top);
-    if (!contour || contour->area < scratch.regions.limits().least_area) continue;
-    if (tracing) part.contours.push_back(contour->points);
-    const auto quad = fit_quad(*contour);
+  scratch.quad.start(threshold_, pass.level);
+  const double least_area = scratch.regions.limits().least_area;
+  while (const Region* region = scratch.regions.next()) {
+    const auto quad = scratch.quad.fit(*region, least_area);
+    if (tracing) part.contours.push_back(scratch.quad.border());
     if (quad && mean_side(*quad) >= 0.8 * least_side(pass, min_side))
-      part.shapes.push_back({*quad, contour->hole});
+      part.shapes.push_back({*quad, !region->dark});
   }
 }
 

@@ -5,9 +5,9 @@
 #include <cstddef>
 #include <vector>
 
-#include "detect/contours.hpp"
 #include "detect/convex_regions.hpp"
 #include "detect/quad.hpp"
+#include "detect/region_quad.hpp"
 #include "detect/threshold.hpp"
 #include "detect/workers.hpp"
 #include "harco/detect.hpp"
@@ -65,7 +65,7 @@ class ShapeFinder {
   /// What one of those who work needs of its own.
   struct Scratch {
     ConvexRegions regions;
-    BorderFollower follower;
+    RegionQuad quad;
   };
   /// Some rows at one level, and what was found there.
   struct Part {
