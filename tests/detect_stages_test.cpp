@@ -55,7 +55,7 @@ std::vector<Fitted> quads_of(const Image& image,
     regions.start(threshold, level, limits);
     while (const Region* region = regions.next())
       if (const auto corners = quad.fit(*region))
-        all.push_back({*corners, region->dark, quad.border()});
+        all.push_back({*corners, region->dark, quad.border_of(*region)});
   }
   return all;
 }

@@ -180,9 +180,6 @@ void ConvexRegions::start_rows(int first_row, int end_row) {
   first_row_ = std::max(1, first_row);
   starts_.clear();
   first_walk_ = next_walk_ = walk_count_ = 0;
-  walks_.resize(kernels::kWalkTogether);
-  walk_ends_.resize(kernels::kWalkTogether);
-  for (auto& listed : walked_rows_) listed.resize(kernels::kWalkRoom);
   constexpr std::size_t kRead = 64;  // beyond the last, by kernels
   for (auto* ends : {&left_ends_, &right_ends_})
     ends->resize(static_cast<std::size_t>(rows()) + kRead);
@@ -220,6 +217,9 @@ bool ConvexRegions::walk_some() {
   if (first_walk_ == starts_.size()) find_starts();
   if (starts_.empty()) return false;
   walk_count_ = std::min(starts_.size() - first_walk_, kernels::kWalkTogether);
+  walks_.resize(kernels::kWalkTogether);
+  walk_ends_.resize(kernels::kWalkTogether);
+  for (auto& listed : walked_rows_) listed.resize(kernels::kWalkRoom);
   const auto bytes = [](const DarkMap& map) {
     return reinterpret_cast<const std::uint8_t*>(map.origin());
   };

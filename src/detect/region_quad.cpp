@@ -74,7 +74,7 @@ class RegionQuad::Ends {
   int x(int end) const { return on_right(end) ? region_.right[end] : region_.left[row(end)]; }
   int y(int end) const { return region_.y + row(end) * region_.row_step; }
 
-  /// The one at a corner of the outline.
+  /// The one at a corner of the outline, which is one of a row.
   int at(const kernels::OutlineCorner& corner) const {
     for (const int y : {corner.y, corner.y - 1}) {
       const int row = y / region_.row_step;
@@ -162,9 +162,13 @@ class RegionQuad::SideReader {
   int missed_ = 0;
 };
 
-/// From one end to another. False if there are bays.
-bool RegionQuad::read_side(const Ends& ends, int from, int to, int row_step, int apart) {
-  SideReader reader(*this, row_step, apart);
+/// From one corner of the outline to the next. False if there are bays.
+bool RegionQuad::read_side(const Region& region, std::size_t side) {
+  const Ends ends(region);
+  const int from = ends.at(region.corners[side]);
+  const int to = ends.at(region.corners[(side + 1) % 4]);
+  const int apart = (2 * (region.height() + region.columns) + kMostPoints - 1) / kMostPoints;
+  SideReader reader(*this, region.row_step, apart);
   for (int end = from, next = 0; end != to; end = next) {
     next = ends.next(end);
     const int x = ends.x(end);
@@ -191,16 +195,18 @@ bool RegionQuad::read_side(const Ends& ends, int from, int to, int row_step, int
   return reader.is_good();
 }
 
+const std::vector<Point>& RegionQuad::border_of(const Region& region) {
+  border_.clear();
+  for (std::size_t side = 0; side < 4; ++side) read_side(region, side);
+  return border_;
+}
+
 std::optional<Quad> RegionQuad::fit(const Region& region, double least_area) {
   border_.clear();
-  const Ends ends(region);
-  const int apart = (2 * (region.height() + region.columns) + kMostPoints - 1) / kMostPoints;
   std::array<Line, 4> lines;
   for (std::size_t i = 0; i < 4; ++i) {
     const std::size_t first = border_.size();
-    if (!read_side(ends, ends.at(region.corners[i]), ends.at(region.corners[(i + 1) % 4]),
-                   region.row_step, apart))
-      return std::nullopt;
+    if (!read_side(region, i)) return std::nullopt;
     const auto line = fit_line(std::span(border_).subspan(first));
     if (!line) return std::nullopt;
     lines[i] = *line;

@@ -21,16 +21,16 @@ class RegionQuad {
   /// or less than `least_area` (square pixels) lies inside.
   std::optional<Quad> fit(const Region& region, double least_area = 0.0);
 
-  /// What was seen of the last region's border before it was given up: points between a dark and a
-  /// bright pixel, clockwise; not every one of a long border.
-  const std::vector<Point>& border() const { return border_; }
+  /// Points of a region's border, each between a dark and a bright pixel, clockwise; not every one
+  /// of a long border. They stay until the next region.
+  const std::vector<Point>& border_of(const Region& region);
 
  private:
   class Ends;
   class SideReader;
   int outermost(int x, int y, int out) const;
   bool measure(int x, int y, int out_x, int out_y);
-  bool read_side(const Ends& ends, int from, int to, int row_step, int apart);
+  bool read_side(const Region& region, std::size_t side);
 
   const Threshold* threshold_ = nullptr;
   const DarkMap* map_ = nullptr;

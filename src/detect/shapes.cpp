@@ -131,7 +131,7 @@ void ShapeFinder::look_through(Part& part, Scratch& scratch, double min_side, bo
   const double least_area = scratch.regions.limits().least_area;
   while (const Region* region = scratch.regions.next()) {
     const auto quad = scratch.quad.fit(*region, least_area);
-    if (tracing) part.contours.push_back(scratch.quad.border());
+    if (tracing) part.contours.push_back(scratch.quad.border_of(*region));
     if (quad && mean_side(*quad) >= 0.8 * least_side(pass, min_side))
       part.shapes.push_back({*quad, !region->dark});
   }
