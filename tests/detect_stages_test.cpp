@@ -360,17 +360,20 @@ TEST(Cells, StandOutFromTheRingOrNot) {
   fill(image, 10, 10, 10 + 6 * kPx, 10 + 6 * kPx, 20);
   const double last = 10 + 6 * kPx - 0.5;
   const Quad square{{{9.5, 9.5}, {last, 9.5}, {last, last}, {9.5, last}}};
-  EXPECT_FALSE(has_bright_cells(image.view(), square, kCells));
+  EXPECT_FALSE(has_bright_cells(image.view(), square, kCells, 1));
   // One cell, of paper in deep shade: 20 + 0.15 * 180 = 47 is just enough.
   const int left = 10 + 3 * kPx;
   fill(image, left, left, left + kPx, left + kPx, 46);
-  EXPECT_FALSE(has_bright_cells(image.view(), square, kCells));
+  EXPECT_FALSE(has_bright_cells(image.view(), square, kCells, 1));
   fill(image, left, left, left + kPx, left + kPx, 47);
-  EXPECT_TRUE(has_bright_cells(image.view(), square, kCells));
+  EXPECT_TRUE(has_bright_cells(image.view(), square, kCells, 1));
+  EXPECT_FALSE(has_bright_cells(image.view(), square, kCells, 2));
+  fill(image, left + kPx, left, left + 2 * kPx, left + kPx, 47);
+  EXPECT_TRUE(has_bright_cells(image.view(), square, kCells, 2));
   // Cells of the ring don't count.
-  fill(image, left, left, left + kPx, left + kPx, 20);
+  fill(image, left, left, left + 2 * kPx, left + kPx, 20);
   fill(image, 10, 10, 10 + kPx, 10 + kPx, 200);
-  EXPECT_FALSE(has_bright_cells(image.view(), square, kCells));
+  EXPECT_FALSE(has_bright_cells(image.view(), square, kCells, 1));
 }
 
 TEST(RegionQuad, LiesAtHalfPixels) {

@@ -192,7 +192,7 @@ std::size_t upright_cell(int row, int column, int turns, int m) {
   return static_cast<std::size_t>(row * m + column);
 }
 
-bool has_bright_cells(const ImageView& image, const Quad& corners, int n) {
+bool has_bright_cells(const ImageView& image, const Quad& corners, int n, int least) {
   constexpr int kLeastShare = 15;  // per cent of what paper is brighter than the ring
   const int m = n + 2;
   Eigen::Matrix3d image_H_cells = square_homography(corners);
@@ -226,11 +226,11 @@ bool has_bright_cells(const ImageView& image, const Quad& corners, int n) {
   };
   const int black = middle(ring);
   const int white = middle(paper);
-  int brightest = 0;
+  int bright = 0;
   for (int row = 1; row <= n; ++row)
     for (int column = 1; column <= n; ++column)
-      brightest = std::max(brightest, grey_at(column + 0.5, row + 0.5));
-  return 100 * (brightest - black) >= kLeastShare * (white - black);
+      bright += 100 * (grey_at(column + 0.5, row + 0.5) - black) >= kLeastShare * (white - black);
+  return bright >= least;
 }
 
 std::optional<CellGreys> sample_cells(const ImageView& image, const Lens& lens,

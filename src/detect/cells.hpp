@@ -35,9 +35,9 @@ struct CellGrid {
 };
 
 /// A glance at a dark quad of the image, right to about a pixel, before anything is fitted: whether
-/// the middle of any of its n x n inner cells stands out from the ring as paper would, be it in
-/// shade.
-bool has_bright_cells(const ImageView& image, const Quad& corners, int n);
+/// the middles of at least so many of its n x n inner cells stand out from the ring as paper would,
+/// be it in shade.
+bool has_bright_cells(const ImageView& image, const Quad& corners, int n, int least);
 
 /// Cell (row, column) of a marker of m x m cells as seen, turned clockwise `turns` times, is this
 /// cell of the upright one, row-first.

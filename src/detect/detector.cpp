@@ -71,6 +71,14 @@ int cells_across(const std::vector<Codebook>& books) {
   return books.empty() ? 0 : books.front().cells() + 2;
 }
 
+/// How many of a parent's cells a glance has to show bright: a part of those that are white all
+/// over. The others are for what light, dirt and rough corners do.
+int bright_at_a_glance(const Marker& parent) {
+  int white = parent.code.size() - parent.code.black_count();
+  for (const Marker& child : parent.children) white -= child.part == 0;
+  return std::max(1, white / 2);
+}
+
 /// In the order of the set; of a marker that is there twice, the upper one first.
 void sort_by_place(std::vector<Detection>& detections) {
   std::sort(detections.begin(), detections.end(), [](const Detection& a, const Detection& b) {
@@ -155,6 +163,11 @@ struct Detector::Impl {
       int& least = least_black[{marker.layer > 1, marker.code.cells}];
       least = least == 0 ? marker.code.black_count() : std::min(least, marker.code.black_count());
     }
+    for (const Parent& parent : markers.parents) {
+      const auto [least, first] =
+          least_bright.emplace(parent.marker.code.cells, bright_at_a_glance(parent.marker));
+      if (!first) least->second = std::min(least->second, bright_at_a_glance(parent.marker));
+    }
   }
 
   void detect(const ImageView& image, std::vector<Detection>& detections, DetectionTrace* trace);
@@ -193,6 +206,7 @@ struct Detector::Impl {
   std::vector<std::vector<double>> predicted;
   std::vector<Codebook> parent_books, child_books;
   std::map<std::pair<bool, int>, int> least_black;
+  std::map<int, int> least_bright;  // by cells: of a parent, that a glance has to show
   detect::Lens lens;
   Eigen::Vector2d origin = Eigen::Vector2d::Zero();  // of the part of the image looked at
 
@@ -410,9 +424,10 @@ void Detector::Impl::examine(const ImageView& image, const Shape& shape, std::si
   }
   if (whole)
     for (const Codebook& book : shape.hole ? child_books : parent_books) {
-      if (!shape.hole && !detect::has_bright_cells(image, shape.corners, book.cells())) {
+      if (!shape.hole && !detect::has_bright_cells(image, shape.corners, book.cells(),
+                                                   least_bright.at(book.cells()))) {
         candidate.rejection = Rejection::code;
-        note(candidate, "no cell stands out from the ring");
+        note(candidate, "too few cells stand out from the ring");
         continue;
       }
       const auto fitted =
