@@ -723,30 +723,102 @@ TEST(Kernels, WeightsAreTheSameOnEveryTarget) {
   }
 }
 
-TEST(Kernels, FlowRowsAreTheSameOnEveryTarget) {
-  const std::array<harco::kernels::Flow, 2> flows{
+/// What take_pixels makes of a random patch: its columns one after the other.
+struct TakenPixels {
+  static constexpr std::size_t kArea = harco::kernels::kSide * harco::kernels::kSide;
+  static constexpr std::size_t kColumns = 12, kRoom = kArea + harco::kernels::kSide;
+  static constexpr float kLeast = 0.9F, kPeak = 0.25F;
+  static constexpr harco::kernels::Slope kU{0.5F, 0.1F, -0.2F}, kV{-0.25F, 0.0F, 0.3F};
+  std::vector<float> grey = random_floats(kArea, 7), bulge = random_floats(kArea, 8);
+  Columns drawn{6, kArea, 1};
+  std::array<harco::kernels::Flow, 2> flows{
       {{{0.5F, 0.1F, -0.2F}, {1.0F, 0.0F, 0.3F}}, {{-0.25F, 0.0F, 0.0F}, {2.0F, 0.7F, 0.0F}}}};
-  for (std::size_t count = 1; count < 40; ++count) {
-    const Columns g(4, count, 1);
-    const auto compute = [&] {
-      std::vector<float> rows(2 * count);
-      const std::array<float*, 2> to{&rows[0], &rows[count]};
-      harco::kernels::flow_rows({g.data()[0], g.data()[1], g.data()[2], g.data()[3]}, flows.data(),
-                                2, count, to.data());
-      return rows;
-    };
-    expect_same_bits(compute);
-    const std::vector<float> rows = compute();
-    for (std::size_t k = 0; k < 2; ++k)
-      for (std::size_t i = 0; i < count; ++i) {
-        const auto along = [&](const float* f) {
-          return static_cast<double>(f[0]) + static_cast<double>(f[1]) * g.at(2, i) +
-                 static_cast<double>(f[2]) * g.at(3, i);
-        };
-        EXPECT_NEAR(static_cast<double>(rows[k * count + i]),
-                    g.at(0, i) * along(flows[k].x) + g.at(1, i) * along(flows[k].y), 1e-6);
-      }
+  std::array<std::uint16_t, harco::kernels::kSide> some{}, allowed{};
+  std::vector<std::vector<float>> columns;
+  std::size_t count = 0;
+
+  TakenPixels() {
+    for (std::size_t y = 0; y < some.size(); ++y) {
+      some[y] = static_cast<std::uint16_t>(0x8421U << (y % 5));
+      allowed[y] = y < 3 || y == 9 ? 0 : static_cast<std::uint16_t>(0xffffU >> (y % 4));
+    }
   }
+
+  void take(bool bulges) {
+    columns.assign(kColumns, std::vector<float>(kRoom));
+    const auto at = [&](std::size_t k) { return columns[k].data(); };
+    const std::array<float*, 2> rows{at(6), at(7)};
+    count = harco::kernels::take_pixels(
+        {grey.data(),
+         {drawn.pointers[0], drawn.pointers[1], drawn.pointers[2], drawn.pointers[3],
+          drawn.pointers[4], drawn.pointers[5]},
+         bulges ? bulge.data() : nullptr,
+         kPeak,
+         flows.data(),
+         flows.size(),
+         kU,
+         kV},
+        kLeast, some.data(), allowed.data(),
+        {at(0), at(1), at(2), at(3), at(4), at(5), rows.data(), at(8), at(9), at(10), at(11)});
+    for (auto& column : columns) column.resize(count);
+  }
+
+  bool is_wanted(std::size_t at) const {
+    constexpr std::size_t kSide = harco::kernels::kSide;
+    const unsigned bit = 1U << (at % kSide);
+    const bool steep = std::hypot(drawn.values[1][at], drawn.values[2][at]) >= kLeast;
+    return (allowed[at / kSide] & bit) != 0 && (steep || (some[at / kSide] & bit) != 0);
+  }
+};
+
+TEST(Kernels, PixelsAreTakenTheSameOnEveryTarget) {
+  for (const bool bulges : {false, true})
+    expect_same_bits([&] {
+      TakenPixels pixels;
+      pixels.take(bulges);
+      std::vector<float> all;
+      for (const auto& column : pixels.columns) all.insert(all.end(), column.begin(), column.end());
+      return all;
+    });
+}
+
+TEST(Kernels, PixelsAreTakenAsByHand) {
+  constexpr std::size_t kSide = harco::kernels::kSide;
+  TakenPixels pixels;
+  pixels.take(true);
+  std::size_t n = 0;
+  for (std::size_t at = 0; at < TakenPixels::kArea; ++at) {
+    if (!pixels.is_wanted(at)) continue;
+    ASSERT_LT(n, pixels.count);
+    const double dx = static_cast<double>(at % kSide) - 7.5,
+                 dy = static_cast<double>(at / kSide) - 7.5;
+    const auto along = [&](const harco::kernels::Slope& slope) {
+      return static_cast<double>(slope.middle) + static_cast<double>(slope.by_x) * dx +
+             static_cast<double>(slope.by_y) * dy;
+    };
+    const auto drawn = [&](std::size_t k) { return pixels.drawn.at(k, at); };
+    const auto bulge = static_cast<double>(pixels.bulge[at]);
+    const auto flow = [&](std::size_t k) {
+      return drawn(1) * along(pixels.flows[k].x) + drawn(2) * along(pixels.flows[k].y);
+    };
+    const std::array<double, TakenPixels::kColumns> expected{static_cast<double>(pixels.grey[at]),
+                                                             1.0 - drawn(0) - 0.25 * bulge,
+                                                             along(TakenPixels::kU),
+                                                             along(TakenPixels::kV),
+                                                             dx / 8.0,
+                                                             dy / 8.0,
+                                                             flow(0),
+                                                             flow(1),
+                                                             -0.5 * drawn(3),
+                                                             -drawn(4),
+                                                             -0.5 * drawn(5),
+                                                             -bulge};
+    for (std::size_t k = 0; k < expected.size(); ++k)
+      EXPECT_NEAR(static_cast<double>(pixels.columns[k][n]), expected[k], 1e-5) << k << " " << at;
+    ++n;
+  }
+  EXPECT_EQ(n, pixels.count);
+  EXPECT_GT(n, 30U);
 }
 
 /// Samples in a light, as light_rows wants them.

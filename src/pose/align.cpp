@@ -679,36 +679,22 @@ class Aligner::Impl {
           return seen.valid && outline_->is_black(seen.place);
         },
         picture_);
-    pick_pixels(patch);
     make_room();
-    take_rows(patch);
+    take_pixels(patch);
   }
 
-  /// The pixels of a patch that tell something, and some of the others for the light.
-  void pick_pixels(const Patch& patch) {
-    static const std::array<std::uint8_t, kPatch* kPatch> kSomeOfAll = [] {
-      std::array<std::uint8_t, kPatch * kPatch> some{};
-      for (std::size_t at = 0; at < some.size(); ++at)
-        some[at] = (at % kPatch + 5 * (at / kPatch)) % kFlatStep == 0 ? 1 : 0;
-      return some;
-    }();
-    std::array<std::uint8_t, kPatch* kPatch> tells = kSomeOfAll;
-    for (std::size_t at = 0; at < tells.size(); ++at) {
-      const float gx = picture_.by_x[at], gy = picture_.by_y[at];
-      tells[at] |= static_cast<std::uint8_t>(gx * gx + gy * gy >= kFlat * kFlat);
-    }
-    picked_.resize(kPatch * kPatch);
-    const auto height = static_cast<std::size_t>(std::min(kPatch, image_.height() - patch.y));
-    const auto width = static_cast<std::size_t>(std::min(kPatch, image_.width() - patch.x));
-    std::size_t n = 0;
-    const std::size_t rim = state_.peaked ? 1 : 0;  // where the biharmonic isn't known
-    for (std::size_t y = rim; y < std::min<std::size_t>(height, kPatch - rim); ++y)
-      for (std::size_t x = rim; x < std::min<std::size_t>(width, kPatch - rim); ++x) {
-        const std::size_t at = y * kPatch + x;
-        picked_[n] = at;
-        n += tells[at];
-      }
-    picked_.resize(n);
+  /// A bit a pixel, a word a row.
+  using PixelBits = std::array<std::uint16_t, kPatch>;
+
+  /// The pixels of a patch that its picture describes.
+  PixelBits described_pixels(const Patch& patch) const {
+    const int rim = state_.peaked ? 1 : 0;  // where the biharmonic isn't known
+    const int height = std::min(kPatch - rim, image_.height() - patch.y);
+    const int width = std::min(kPatch - rim, image_.width() - patch.x);
+    PixelBits bits{};
+    for (int y = rim; y < height; ++y)
+      bits[static_cast<std::size_t>(y)] =
+          static_cast<std::uint16_t>((1U << static_cast<unsigned>(width)) - (1U << unsigned(rim)));
 
     // Beyond the quiet zone the description ends.
     const Rect& square = outline_->square();
@@ -719,21 +705,23 @@ class Aligner::Impl {
     const Eigen::Array2d spread =
         kMiddle * (patch.place_by_x.cwiseAbs() + patch.place_by_y.cwiseAbs()).array();
     if ((patch.place.array() - spread > low).all() && (patch.place.array() + spread < high).all())
-      return;
-    const auto beyond = [&](std::size_t at) {
-      const Eigen::Array2d place =
-          (patch.place + (static_cast<int>(at % kPatch) - kMiddle) * patch.place_by_x +
-           (static_cast<int>(at / kPatch) - kMiddle) * patch.place_by_y)
-              .array();
-      return !((place > low).all() && (place < high).all());
-    };
-    picked_.erase(std::remove_if(picked_.begin(), picked_.end(), beyond), picked_.end());
+      return bits;
+    for (int y = 0; y < kPatch; ++y)
+      for (int x = 0; x < kPatch; ++x) {
+        const Eigen::Array2d place =
+            (patch.place + (x - kMiddle) * patch.place_by_x + (y - kMiddle) * patch.place_by_y)
+                .array();
+        if (!((place > low).all() && (place < high).all()))
+          bits[static_cast<std::size_t>(y)] &= static_cast<std::uint16_t>(~(1U << unsigned(x)));
+      }
+    return bits;
   }
 
   /// Memory for one more patch.
   void make_room() {
-    if (grey_.size() >= count_ + kPatch * kPatch) return;
-    const std::size_t size = std::max<std::size_t>(1024, 2 * (count_ + kPatch * kPatch));
+    const std::size_t needed = count_ + kPatch * kPatch + kernels::kSide;
+    if (grey_.size() >= needed) return;
+    const std::size_t size = std::max<std::size_t>(1024, 2 * needed);
     for (auto& column : columns_of_rows_) column.resize(size);
     for (auto& light : lights_) light.resize(size);
     for (auto* values : {&grey_, &white_share_, &u_, &v_, &along_x_, &along_y_, &residuals_,
@@ -743,7 +731,7 @@ class Aligner::Impl {
 
   /// The Laplacian's Laplacian of the picture, at the patch's border that of its neighbours.
   void take_biharmonic() {
-    PatchPicture::Channel& laplacian = picture_.by_xx;
+    PatchPicture::Channel laplacian = picture_.by_xx;
     for (std::size_t at = 0; at < laplacian.size(); ++at) laplacian[at] += picture_.by_yy[at];
     constexpr std::size_t kSide = kPatch;
     for (std::size_t y = 0; y < kSide; ++y)
@@ -755,67 +743,68 @@ class Aligner::Impl {
       }
   }
 
-  /// What the picked pixels see, and how that depends on the pose and the blur.
-  void take_rows(Patch& patch) {
-    const std::size_t n = picked_.size();
-    patch.first = count_;
-    patch.count = n;
-    std::array<float, kPatch * kPatch> gx, gy, dx, dy;
-    float* by_xx = column(kBlur) + count_;
-    float* by_xy = column(kBlur + 1) + count_;
-    float* by_yy = column(kBlur + 2) + count_;
-    for (std::size_t i = 0; i < n; ++i) {
-      const std::size_t at = picked_[i];
-      const auto x = static_cast<int>(at % kPatch), y = static_cast<int>(at / kPatch);
-      gx[i] = picture_.by_x[at];
-      gy[i] = picture_.by_y[at];
-      dx[i] = static_cast<float>(x - kMiddle);
-      dy[i] = static_cast<float>(y - kMiddle);
-      grey_[count_ + i] = static_cast<float>(image_(patch.x + x, patch.y + y));
-      if (clipped(grey_[count_ + i])) clipped_.push_back(count_ + i);
-      white_share_[count_ + i] = 1.0F - picture_.ink[at];
-      by_xx[i] = -0.5F * picture_.by_xx[at];
-      by_xy[i] = -picture_.by_xy[at];
-      by_yy[i] = -0.5F * picture_.by_yy[at];
-    }
-    if (state_.peaked) {
-      take_biharmonic();
-      float* by_peak = column(kPeak) + count_;
-      const auto peak = static_cast<float>(state_.peak);
-      for (std::size_t i = 0; i < n; ++i) {
-        by_peak[i] = -biharmonic_[picked_[i]];
-        white_share_[count_ + i] += peak * by_peak[i];
-      }
-    }
-    // A quantity with a slope over the patch.
-    const auto over_patch = [&](double middle, double by_x, double by_y, float* to) {
-      const auto m = static_cast<float>(middle);
-      const auto sx = static_cast<float>(by_x), sy = static_cast<float>(by_y);
-      for (std::size_t i = 0; i < n; ++i) to[i] = m + sx * dx[i] + sy * dy[i];
-    };
-    const Rect& square = outline_->square();
-    const double scale = 2.0 / square.width();
-    const Vector2d uv = scale * (patch.place - Vector2d(square.x0, square.y0)) - Vector2d::Ones();
-    over_patch(uv.x(), scale * patch.place_by_x.x(), scale * patch.place_by_y.x(), &u_[count_]);
-    over_patch(uv.y(), scale * patch.place_by_x.y(), scale * patch.place_by_y.y(), &v_[count_]);
-    over_patch(0.0, 2.0 / kPatch, 0.0, &along_x_[count_]);
-    over_patch(0.0, 0.0, 2.0 / kPatch, &along_y_[count_]);
+  /// What the pixels that tell something see, and some of the others for the light, and how that
+  /// depends on the pose and the blur.
+  void take_pixels(Patch& patch) {
+    static const PixelBits kSomeOfAll = [] {
+      PixelBits some{};
+      for (unsigned y = 0; y < kPatch; ++y)
+        for (unsigned x = 0; x < kPatch; ++x)
+          if ((x + 5 * y) % kFlatStep == 0) some[y] |= static_cast<std::uint16_t>(1U << x);
+      return some;
+    }();
+    const PixelBits allowed = described_pixels(patch);
+    take_grey(patch);
+    if (state_.peaked) take_biharmonic();
     std::array<kernels::Flow, kPose> flows{};
     std::array<float*, kPose> rows{};
     for (std::size_t k = 0; k < kPose; ++k) {
       const auto unknown = static_cast<Eigen::Index>(k);
-      const auto told = [&](Eigen::Index coordinate, float* to) {
-        to[0] = static_cast<float>(patch.by_pose(coordinate, unknown));
-        to[1] = static_cast<float>(patch.by_pose_by_x(coordinate, unknown));
-        to[2] = static_cast<float>(patch.by_pose_by_y(coordinate, unknown));
+      const auto told = [&](Eigen::Index coordinate) {
+        return slope(patch.by_pose(coordinate, unknown), patch.by_pose_by_x(coordinate, unknown),
+                     patch.by_pose_by_y(coordinate, unknown));
       };
-      told(0, flows[k].x);
-      told(1, flows[k].y);
+      flows[k] = {told(0), told(1)};
       rows[k] = column(unknown) + count_;
     }
-    kernels::flow_rows({gx.data(), gy.data(), dx.data(), dy.data()}, flows.data(), kPose, n,
-                       rows.data());
-    count_ += n;
+    const Rect& square = outline_->square();
+    const double scale = 2.0 / square.width();
+    const Vector2d uv = scale * (patch.place - Vector2d(square.x0, square.y0)) - Vector2d::Ones();
+    const Vector2d by_x = scale * patch.place_by_x, by_y = scale * patch.place_by_y;
+    const kernels::SeenPatch seen{
+        patch_grey_.data(),
+        {picture_.ink.data(), picture_.by_x.data(), picture_.by_y.data(), picture_.by_xx.data(),
+         picture_.by_xy.data(), picture_.by_yy.data()},
+        state_.peaked ? biharmonic_.data() : nullptr,
+        static_cast<float>(state_.peak),
+        flows.data(),
+        kPose,
+        slope(uv.x(), by_x.x(), by_y.x()),
+        slope(uv.y(), by_x.y(), by_y.y())};
+    const auto end_of = [&](std::vector<float>& values) { return values.data() + count_; };
+    patch.first = count_;
+    patch.count = kernels::take_pixels(
+        seen, kFlat, kSomeOfAll.data(), allowed.data(),
+        {end_of(grey_), end_of(white_share_), end_of(u_), end_of(v_), end_of(along_x_),
+         end_of(along_y_), rows.data(), column(kBlur) + count_, column(kBlur + 1) + count_,
+         column(kBlur + 2) + count_, column(kPeak) + count_});
+    count_ += patch.count;
+    for (std::size_t i = patch.first; i < count_; ++i)
+      if (clipped(grey_[i])) clipped_.push_back(i);
+  }
+
+  static kernels::Slope slope(double middle, double by_x, double by_y) {
+    return {static_cast<float>(middle), static_cast<float>(by_x), static_cast<float>(by_y)};
+  }
+
+  /// The camera's pixels of a patch, as far as there are any.
+  void take_grey(const Patch& patch) {
+    const int height = std::min(kPatch, image_.height() - patch.y);
+    const int width = std::min(kPatch, image_.width() - patch.x);
+    for (int y = 0; y < height; ++y) {
+      const std::uint8_t* row = image_.row(patch.y + y) + patch.x;
+      std::copy(row, row + width, &patch_grey_[static_cast<std::size_t>(y * kPatch)]);
+    }
   }
 
   float* column(Eigen::Index k) { return columns_of_rows_[static_cast<std::size_t>(k)].data(); }
@@ -1448,7 +1437,7 @@ class Aligner::Impl {
   double reblurred_ = 0.0;  ///< by how much of itself the last step changed the blur
   double relit_ = 0.0;      ///< by how much of itself it changed the level of white
   PatchPicture picture_;
-  PatchPicture::Channel biharmonic_{};
+  alignas(64) PatchPicture::Channel biharmonic_{}, patch_grey_{};
   struct Filed {
     int piece, before;
   };
@@ -1460,7 +1449,6 @@ class Aligner::Impl {
   std::vector<int> outlines_;  ///< for each cell of the grid the last of its pieces, in filed_
   std::vector<int> node_at_;   ///< for each corner of the grid, in nodes_
   std::vector<Node> nodes_;
-  std::vector<std::size_t> picked_;
   std::vector<Patch> patches_;
   std::vector<std::size_t> order_;
   std::size_t trusted_ = 0;

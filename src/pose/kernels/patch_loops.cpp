@@ -249,23 +249,6 @@ void tukey_weights_on(const float* HWY_RESTRICT residuals, float inverse_varianc
   });
 }
 
-void flow_rows_on(const Gradients& g, const Flow* flows, std::size_t n, std::size_t count,
-                  float* const* rows) {
-  for (std::size_t k = 0; k < n; ++k) {
-    const Flow flow = flows[k];
-    for_each_vector(count, [&](auto d, std::size_t i) {
-      const auto dx = hn::LoadU(d, g.dx + i), dy = hn::LoadU(d, g.dy + i);
-      const auto along = [&](const float* f) {
-        return hn::Add(hn::Add(hn::Set(d, f[0]), hn::Mul(hn::Set(d, f[1]), dx)),
-                       hn::Mul(hn::Set(d, f[2]), dy));
-      };
-      hn::StoreU(hn::Add(hn::Mul(hn::LoadU(d, g.by_x + i), along(flow.x)),
-                         hn::Mul(hn::LoadU(d, g.by_y + i), along(flow.y))),
-                 d, rows[k] + i);
-    });
-  }
-}
-
 void light_rows_on(const LitSamples& at, const LightTerms& light, float gain, std::size_t first,
                    std::size_t count) {
   using hn::Add, hn::Mul, hn::Sub;
@@ -425,6 +408,62 @@ void draw_patch_on(const PatchEdge* edges, std::size_t count, const float* HWY_R
   }
 }
 
+std::size_t take_pixels_on(const SeenPatch& patch, float least, const std::uint16_t* some,
+                           const std::uint16_t* allowed, const PickedPixels& to) {
+  const hn::CappedTag<float, kSide> d;
+  using V = hn::Vec<decltype(d)>;
+  constexpr float kMiddle = 0.5F * (kSide - 1);
+  const auto set = [&](float value) { return hn::Set(d, value); };
+  const std::size_t lanes = hn::Lanes(d);
+  std::size_t count = 0;
+  for (std::size_t y = 0; y < kSide; ++y)
+    for (std::size_t x = 0; x < kSide; x += lanes) {
+      const std::uint32_t may = static_cast<std::uint32_t>(allowed[y]) >> x;
+      if (may == 0) continue;
+      const std::size_t at = y * kSide + x;
+      const auto mask_of = [&](std::uint32_t bits) {
+        const std::uint8_t bytes[8] = {static_cast<std::uint8_t>(bits),
+                                       static_cast<std::uint8_t>(bits >> 8U)};
+        return hn::LoadMaskBits(d, bytes);
+      };
+      const V gx = hn::LoadU(d, patch.drawn.by_x + at), gy = hn::LoadU(d, patch.drawn.by_y + at);
+      const auto steep = hn::Ge(hn::Add(hn::Mul(gx, gx), hn::Mul(gy, gy)), set(least * least));
+      const auto picked =
+          hn::And(mask_of(may), hn::Or(mask_of(static_cast<std::uint32_t>(some[y]) >> x), steep));
+      const auto put = [&](V values, float* column) {
+        hn::StoreU(hn::Compress(values, picked), d, column + count);
+      };
+      const auto from = [&](const float* channel) { return hn::LoadU(d, channel + at); };
+      const V dx = hn::Add(hn::Iota(d, 0.0F), set(static_cast<float>(x) - kMiddle));
+      const V dy = set(static_cast<float>(y) - kMiddle);
+      const auto over_patch = [&](const Slope& slope) {
+        return hn::Add(hn::Add(set(slope.middle), hn::Mul(set(slope.by_x), dx)),
+                       hn::Mul(set(slope.by_y), dy));
+      };
+      for (std::size_t k = 0; k < patch.unknowns; ++k)
+        put(hn::Add(hn::Mul(gx, over_patch(patch.flows[k].x)),
+                    hn::Mul(gy, over_patch(patch.flows[k].y))),
+            to.flows[k]);
+      V white = hn::Sub(set(1.0F), from(patch.drawn.ink));
+      if (patch.bulge != nullptr) {
+        const V by_peak = hn::Neg(from(patch.bulge));
+        white = hn::Add(white, hn::Mul(set(patch.peak), by_peak));
+        put(by_peak, to.by_peak);
+      }
+      put(white, to.white_share);
+      put(hn::Mul(set(-0.5F), from(patch.drawn.by_xx)), to.by_xx);
+      put(hn::Neg(from(patch.drawn.by_xy)), to.by_xy);
+      put(hn::Mul(set(-0.5F), from(patch.drawn.by_yy)), to.by_yy);
+      put(from(patch.grey), to.grey);
+      put(over_patch(patch.u), to.u);
+      put(over_patch(patch.v), to.v);
+      put(hn::Mul(dx, set(2.0F / kSide)), to.along_x);
+      put(hn::Mul(dy, set(2.0F / kSide)), to.along_y);
+      count += hn::CountTrue(d, picked);
+    }
+  return count;
+}
+
 }  // namespace harco::kernels::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -438,9 +477,9 @@ HWY_EXPORT(median_size_on);
 HWY_EXPORT(subtract_rows_on);
 HWY_EXPORT(huber_weights_on);
 HWY_EXPORT(tukey_weights_on);
-HWY_EXPORT(flow_rows_on);
 HWY_EXPORT(light_rows_on);
 HWY_EXPORT(draw_patch_on);
+HWY_EXPORT(take_pixels_on);
 
 void normal_products(const float* weights, const float* const* columns, std::size_t n,
                      std::size_t count, float* sums) {
@@ -463,11 +502,6 @@ void tukey_weights(const float* residuals, float inverse_variance, float inverse
   (residuals, inverse_variance, inverse_limit, count, weights);
 }
 
-void flow_rows(const Gradients& gradients, const Flow* flows, std::size_t n, std::size_t count,
-               float* const* rows) {
-  HWY_DYNAMIC_DISPATCH(flow_rows_on)(gradients, flows, n, count, rows);
-}
-
 void light_rows(const LitSamples& samples, const LightTerms& light, float gain, std::size_t first,
                 std::size_t count) {
   HWY_DYNAMIC_DISPATCH(light_rows_on)(samples, light, gain, first, count);
@@ -478,6 +512,11 @@ void draw_patch(const PatchEdge* edges, std::size_t count, const float* starts, 
                 const Channels& to) {
   HWY_DYNAMIC_DISPATCH(draw_patch_on)
   (edges, count, starts, margin, steps, taps, more, scratch, to);
+}
+
+std::size_t take_pixels(const SeenPatch& patch, float least, const std::uint16_t* some,
+                        const std::uint16_t* allowed, const PickedPixels& to) {
+  return HWY_DYNAMIC_DISPATCH(take_pixels_on)(patch, least, some, allowed, to);
 }
 
 void column_sums(const float* weights, const float* const* columns, std::size_t n,

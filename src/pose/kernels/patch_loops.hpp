@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 
 namespace harco::kernels {
 
@@ -41,20 +42,6 @@ void huber_weights(const float* residuals, float inverse_variance, std::size_t c
 /// than the limit.
 void tukey_weights(const float* residuals, float inverse_variance, float inverse_limit,
                    std::size_t count, float* weights);
-
-/// A picture's slopes at some pixels, which are (dx, dy) from the middle of their patch.
-struct Gradients {
-  const float *by_x, *by_y, *dx, *dy;
-};
-
-/// How pixels move with an unknown: (value, change by x, change by y) for each coordinate.
-struct Flow {
-  float x[3], y[3];
-};
-
-/// How much the unknowns k < n change what the pixels see, row by row.
-void flow_rows(const Gradients& gradients, const Flow* flows, std::size_t n, std::size_t count,
-               float* const* rows);
 
 /// Levels of black and white over the marker, as in Light, and the camera's response as tables of
 /// cells + 1 values over the share of white.
@@ -96,6 +83,43 @@ struct Taps {
 struct Channels {
   float *ink, *by_x, *by_y, *by_xx, *by_xy, *by_yy;  ///< kSide x kSide each
 };
+
+/// How a quantity changes over a patch: (value, change by x, change by y) from its middle.
+struct Slope {
+  float middle, by_x, by_y;
+};
+
+/// How pixels move with an unknown, in each coordinate.
+struct Flow {
+  Slope x, y;
+};
+
+/// A patch as the camera has it and as it is drawn. `bulge`, or null, is by how much the ink
+/// changes with the blur's peak.
+struct SeenPatch {
+  const float* grey;  ///< kSide x kSide, as the channels are
+  Channels drawn;
+  const float* bulge;
+  float peak;
+  const Flow* flows;  ///< of the unknowns of the pose
+  std::size_t unknowns;
+  Slope u, v;  ///< places on the marker
+};
+
+/// Where samples go: a column for each unknown of the pose, the blur's three and, if there is a
+/// bulge, its peak; `along` are places in the patch, -1 ... 1. There has to be room for kSide
+/// values more than are picked.
+struct PickedPixels {
+  float *grey, *white_share, *u, *v, *along_x, *along_y;
+  float* const* flows;
+  float *by_xx, *by_xy, *by_yy, *by_peak;
+};
+
+/// Takes the pixels of a patch where the ink changes by `least` or more a pixel, and of the others
+/// those that are among `some`, as far as they are allowed; a bit a pixel, a word a row. Returns
+/// how many.
+std::size_t take_pixels(const SeenPatch& patch, float least, const std::uint16_t* some,
+                        const std::uint16_t* allowed, const PickedPixels& to);
 
 /// Part of an outline that goes down through a patch: x in pixels from the margin's left end, at
 /// `top`; `slope` is its change for each half pixel; `top` and `bottom` in half pixels from the
