@@ -254,10 +254,16 @@ Vector2d Camera::distort(const Vector2d& normalised, Matrix2d* jacobian) const {
 }
 
 bool Camera::in_range(const Vector2d& normalised) const {
+  if (!has_distortion()) return std::isfinite(normalised.squaredNorm());
   return with_lens(*this, [&](const auto& l) { return l.in_range(normalised); });
 }
 
 std::optional<Vector2d> Camera::undistort(const Vector2d& distorted, Matrix2d* jacobian) const {
+  if (!has_distortion()) {
+    if (!in_range(distorted)) return std::nullopt;
+    if (jacobian != nullptr) jacobian->setIdentity();
+    return distorted;
+  }
   std::optional<Vector2d> point =
       with_lens(*this, [&](const auto& l) { return l.undistort(distorted); });
   if (point && jacobian != nullptr) {

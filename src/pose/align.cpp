@@ -648,8 +648,9 @@ class Aligner::Impl {
         all += patches_[k].merit;
       }
     if (order_.size() <= kRoughPatches) return;
-    std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
-      return patches_[a].merit > patches_[b].merit;
+    std::sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
+      const double more = patches_[a].merit, less = patches_[b].merit;
+      return more > less || (more == less && a < b);
     });
     std::size_t count = 0;
     for (double told = 0.0; count < std::min(most, order_.size()); ++count) {
@@ -686,6 +687,24 @@ class Aligner::Impl {
   /// A bit a pixel, a word a row.
   using PixelBits = std::array<std::uint16_t, kPatch>;
 
+  /// Those of a row whose places, from `start` on by `step` a pixel, are between low and high.
+  static std::uint16_t bits_between(const Eigen::Array2d& start, const Vector2d& step,
+                                    const Eigen::Array2d& low, const Eigen::Array2d& high) {
+    double first = 0.0, end = kPatch;
+    for (Eigen::Index k = 0; k < 2; ++k) {
+      if (step(k) == 0.0) {
+        if (!(start(k) > low(k) && start(k) < high(k))) return 0;
+        continue;
+      }
+      const double a = (low(k) - start(k)) / step(k), b = (high(k) - start(k)) / step(k);
+      first = std::max(first, std::floor(std::min(a, b)) + 1.0);
+      end = std::min(end, std::ceil(std::max(a, b)));
+    }
+    if (!(first < end)) return 0;
+    return static_cast<std::uint16_t>((1U << static_cast<unsigned>(end)) -
+                                      (1U << static_cast<unsigned>(first)));
+  }
+
   /// The pixels of a patch that its picture describes.
   PixelBits described_pixels(const Patch& patch) const {
     const int rim = state_.peaked ? 1 : 0;  // where the biharmonic isn't known
@@ -706,14 +725,11 @@ class Aligner::Impl {
         kMiddle * (patch.place_by_x.cwiseAbs() + patch.place_by_y.cwiseAbs()).array();
     if ((patch.place.array() - spread > low).all() && (patch.place.array() + spread < high).all())
       return bits;
-    for (int y = 0; y < kPatch; ++y)
-      for (int x = 0; x < kPatch; ++x) {
-        const Eigen::Array2d place =
-            (patch.place + (x - kMiddle) * patch.place_by_x + (y - kMiddle) * patch.place_by_y)
-                .array();
-        if (!((place > low).all() && (place < high).all()))
-          bits[static_cast<std::size_t>(y)] &= static_cast<std::uint16_t>(~(1U << unsigned(x)));
-      }
+    for (int y = 0; y < kPatch; ++y) {
+      const Eigen::Array2d start =
+          (patch.place - kMiddle * patch.place_by_x + (y - kMiddle) * patch.place_by_y).array();
+      bits[static_cast<std::size_t>(y)] &= bits_between(start, patch.place_by_x, low, high);
+    }
     return bits;
   }
 
@@ -814,12 +830,14 @@ class Aligner::Impl {
 
   /// Levels from medians.
   bool first_levels() {
+    constexpr std::size_t kSome = 1200;
     const auto [low, high] = std::minmax_element(
         white_share_.begin(), white_share_.begin() + static_cast<std::ptrdiff_t>(count_));
     const float reach = 0.15F * (*high - *low);
     const float black_below = *low + reach, white_above = *high - reach;
     std::vector<float> black, white;
-    for (std::size_t i = 0; i < count_; ++i) {
+    const std::size_t stride = count_ / kSome + 1;
+    for (std::size_t i = 0; i < count_; i += stride) {
       if (white_share_[i] <= black_below) black.push_back(grey_[i]);
       if (white_share_[i] >= white_above) white.push_back(grey_[i]);
     }
@@ -1145,27 +1163,45 @@ class Aligner::Impl {
 
   /// Of what is solved for; zero elsewhere.
   std::optional<Normal> inverse_of(const Normal& normal) const {
-    using Some = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kUnknowns, kUnknowns>;
+    using Square = Eigen::Matrix<double, kUnknowns, kUnknowns, Eigen::RowMajor>;
+    constexpr double kLeastPivot = 1e-9;  // of what is scaled to ones on the diagonal
     std::array<Eigen::Index, kUnknowns> which{};
-    Eigen::Index n = 0;
-    for (Eigen::Index k = 0; k < kUnknowns; ++k)
-      if (!frozen(k)) which[static_cast<std::size_t>(n++)] = k;
-    const auto at = [&](Eigen::Index i) { return which[static_cast<std::size_t>(i)]; };
-    Row size = Row::Zero();
-    for (Eigen::Index i = 0; i < n; ++i) {
-      if (!(normal(at(i), at(i)) > 0.0)) return std::nullopt;
-      size(i) = 1.0 / std::sqrt(normal(at(i), at(i)));
+    std::array<double, kUnknowns> size{};
+    std::size_t n = 0;
+    for (Eigen::Index k = 0; k < kUnknowns; ++k) {
+      if (frozen(k)) continue;
+      if (!(normal(k, k) > 0.0)) return std::nullopt;
+      which[n] = k;
+      size[n++] = 1.0 / std::sqrt(normal(k, k));
     }
-    Some scaled(n, n);
-    for (Eigen::Index i = 0; i < n; ++i)
-      for (Eigen::Index j = 0; j < n; ++j) scaled(i, j) = size(i) * size(j) * normal(at(i), at(j));
-    const Eigen::LDLT<Some> factored(scaled);
-    if (!(factored.vectorD().minCoeff() > 1e-9)) return std::nullopt;
-    const Some some = factored.solve(Some::Identity(n, n));
-    if (!some.allFinite()) return std::nullopt;
+    // Cholesky's factor L and, row by row, its inverse; times its own transpose that is the
+    // inverse.
+    Square lower, inverse_lower;
+    const auto count = static_cast<Eigen::Index>(n);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const auto at = [&](Eigen::Index k) { return static_cast<std::size_t>(k); };
+      inverse_lower.row(i).setZero();
+      for (Eigen::Index j = 0; j < i; ++j) {
+        const double scaled = size[at(i)] * size[at(j)] * normal(which[at(i)], which[at(j)]);
+        lower(i, j) =
+            (scaled - lower.row(i).head(j).dot(lower.row(j).head(j))) * inverse_lower(j, j);
+        inverse_lower.row(i).head(j + 1) -= lower(i, j) * inverse_lower.row(j).head(j + 1);
+      }
+      const double pivot = 1.0 - lower.row(i).head(i).squaredNorm();
+      if (!(pivot > kLeastPivot)) return std::nullopt;
+      inverse_lower(i, i) = 1.0 / std::sqrt(pivot);
+      inverse_lower.row(i).head(i) *= inverse_lower(i, i);
+    }
+    Square some = Square::Zero();
+    for (Eigen::Index k = 0; k < count; ++k)
+      for (Eigen::Index i = 0; i <= k; ++i)
+        some.row(i).head(i + 1) += inverse_lower(k, i) * inverse_lower.row(k).head(i + 1);
     Normal inverse = Normal::Zero();
-    for (Eigen::Index i = 0; i < n; ++i)
-      for (Eigen::Index j = 0; j < n; ++j) inverse(at(i), at(j)) = size(i) * size(j) * some(i, j);
+    for (std::size_t i = 0; i < n; ++i)
+      for (std::size_t j = 0; j <= i; ++j)
+        inverse(which[i], which[j]) = inverse(which[j], which[i]) =
+            size[i] * size[j] * some(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
+    if (!inverse.allFinite()) return std::nullopt;
     return inverse;
   }
 
@@ -1360,26 +1396,24 @@ class Aligner::Impl {
         which[n] = a;
         columns[n++] = column(a);
       }
-    Eigen::Matrix<float, kUnknowns, kUnknowns> some =
-        Eigen::Matrix<float, kUnknowns, kUnknowns>::Zero();
-    Eigen::Map<Eigen::Matrix<float, kUnknowns, 1>> sum(sums.data());
+    // Of the unknowns that are solved for: how the pose follows what pulls on them.
+    Eigen::Matrix<double, kPose, kUnknowns> influence;
+    for (std::size_t a = 0; a < n; ++a)
+      influence.col(static_cast<Eigen::Index>(a)) = inverse_.col(which[a]).head<kPose>();
+    // Independent residuals would make this E psi^2 / E w times the inverse.
+    Matrix6d together = Matrix6d::Zero();
     for (const std::size_t k : order_) {
       const Patch& patch = patches_[k];
       for (std::size_t b = 0; b < blocks; ++b) {
         const std::size_t first = patch.first + patch.count * b / blocks;
         const std::size_t last = patch.first + patch.count * (b + 1) / blocks;
         kernels::column_sums(weighted_.data(), columns.data(), n, first, last - first, sums.data());
-        some += sum * sum.transpose();
+        Vector6d pulled = Vector6d::Zero();
+        for (std::size_t a = 0; a < n; ++a)
+          pulled += static_cast<double>(sums[a]) * influence.col(static_cast<Eigen::Index>(a));
+        together += pulled * pulled.transpose();
       }
     }
-    Normal blockwise = Normal::Zero();
-    for (std::size_t a = 0; a < n; ++a)
-      for (std::size_t b = 0; b < n; ++b)
-        blockwise(which[a], which[b]) =
-            static_cast<double>(some(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b)));
-    // Independent residuals would make this E psi^2 / E w times the normal matrix.
-    const auto influence = inverse_.topRows<kPose>();
-    const Matrix6d together = influence * blockwise * influence.transpose();
     const Matrix6d expected = alone / weight * inverse_.topLeftCorner<kPose, kPose>();
     return std::max(1.0, expected.ldlt().solve(together).trace() / kPose);
   }
@@ -1399,9 +1433,11 @@ class Aligner::Impl {
 
   /// How far what the start could be trusted with has moved, root mean square.
   double shift_px() const {
+    constexpr std::size_t kSome = 24;
     double sum = 0.0, count = 0.0;
-    for (const std::size_t k : order_) {
-      const Vector3d p(patches_[k].place.x(), patches_[k].place.y(), 0.0);
+    for (std::size_t at = 0; at < order_.size(); at += order_.size() / kSome + 1) {
+      const Vector2d& place = patches_[order_[at]].place;
+      const Vector3d p(place.x(), place.y(), 0.0);
       if (start_covariance_) {
         const auto predicted = predict(start_, *start_covariance_, p.head<2>());
         if (!predicted) continue;
