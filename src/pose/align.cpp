@@ -573,13 +573,14 @@ class Aligner::Impl {
       const Vector2d &a = pieces_[k].from, &b = pieces_[k].to;
       const double left = std::min(a.x(), b.x()), right = std::max(a.x(), b.x());
       const double top = std::min(a.y(), b.y()), bottom = std::max(a.y(), b.y());
-      const double slope = bottom > top ? (b.x() - a.x()) / (b.y() - a.y()) : 0.0;
       const int j0 = index(top - margin, y0_, grid_rows_);
       const int j1 = index(bottom + margin, y0_, grid_rows_);
+      const bool steep = j1 > j0 && bottom > top;
+      const double slope = steep ? (b.x() - a.x()) / (b.y() - a.y()) : 0.0;
       for (int j = j0; j <= j1; ++j) {
         // The part of the piece in this row of patches.
         double low = left, high = right;
-        if (j1 > j0 && bottom > top) {
+        if (steep) {
           const auto x_at = [&](double y) {
             return a.x() + slope * (std::clamp(y, top, bottom) - a.y());
           };
@@ -613,8 +614,13 @@ class Aligner::Impl {
       if (!patch.trusted) continue;
       const Vector2d middle(patch.x + 0.5 * (kPatch - 1), patch.y + 0.5 * (kPatch - 1));
       for_each_piece(patch, [&](const Piece& piece) {
-        // Its length within the patch, near enough; short edges blur into each other.
+        constexpr double kHalf = 0.5 * kPatch + 1.0;
+        const Vector2d middle_of = 0.5 * (piece.from + piece.to);
         const Vector2d along = piece.to - piece.from;
+        if (std::abs(middle_of.x() - middle.x()) > kHalf + 0.5 * std::abs(along.x()) ||
+            std::abs(middle_of.y() - middle.y()) > kHalf + 0.5 * std::abs(along.y()))
+          return;
+        // Its length within the patch, near enough; short edges blur into each other.
         const double length2 = along.squaredNorm();
         if (!(length2 > 0.01)) return;
         const double length = std::sqrt(length2);
@@ -648,12 +654,14 @@ class Aligner::Impl {
         all += patches_[k].merit;
       }
     if (order_.size() <= kRoughPatches) return;
-    std::sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
-      const double more = patches_[a].merit, less = patches_[b].merit;
-      return more > less || (more == less && a < b);
-    });
+    most = std::min(most, order_.size());
+    std::partial_sort(order_.begin(), order_.begin() + static_cast<std::ptrdiff_t>(most),
+                      order_.end(), [&](std::size_t a, std::size_t b) {
+                        const double more = patches_[a].merit, less = patches_[b].merit;
+                        return more > less || (more == less && a < b);
+                      });
     std::size_t count = 0;
-    for (double told = 0.0; count < std::min(most, order_.size()); ++count) {
+    for (double told = 0.0; count < most; ++count) {
       if (count >= kPlenty && told >= enough * all) break;
       told += patches_[order_[count]].merit;
     }
@@ -830,11 +838,14 @@ class Aligner::Impl {
 
   /// Levels from medians.
   bool first_levels() {
-    constexpr std::size_t kSome = 1200;
-    const auto [low, high] = std::minmax_element(
-        white_share_.begin(), white_share_.begin() + static_cast<std::ptrdiff_t>(count_));
-    const float reach = 0.15F * (*high - *low);
-    const float black_below = *low + reach, white_above = *high - reach;
+    constexpr std::size_t kSome = 800;
+    float low = white_share_.front(), high = low;
+    for (std::size_t i = 0; i < count_; ++i) {
+      low = std::min(low, white_share_[i]);
+      high = std::max(high, white_share_[i]);
+    }
+    const float reach = 0.15F * (high - low);
+    const float black_below = low + reach, white_above = high - reach;
     std::vector<float> black, white;
     const std::size_t stride = count_ / kSome + 1;
     for (std::size_t i = 0; i < count_; i += stride) {
@@ -1005,35 +1016,57 @@ class Aligner::Impl {
     }
   }
 
+  /// What is solved for, and the columns of that.
+  struct Solved {
+    std::array<Eigen::Index, kUnknowns> which{};
+    std::array<const float*, kUnknowns + kLight + 1> columns{};  // there is room for some more
+    std::size_t count = 0;
+  };
+  Solved solved_for() const {
+    Solved solved;
+    for (Eigen::Index k = 0; k < kUnknowns; ++k) {
+      if (frozen(k)) continue;
+      solved.which[solved.count] = k;
+      solved.columns[solved.count++] = column(k);
+    }
+    return solved;
+  }
+
   /// Takes what each patch's own light explains out of the normal equations.
   void eliminate_lights(const std::vector<float>& weights, Normal& normal, Row& pull) {
+    Solved solved = solved_for();
+    const std::size_t n = solved.count;
+    for (std::size_t l = 0; l < kLight; ++l) solved.columns[n + l] = lights_[l].data();
+    solved.columns[n + kLight] = pull_from();
+    std::array<float, kUnknowns + kLight + 1> sums{};
     own_lights_ = 0.0;
     for (const std::size_t k : order_) {
       Patch& patch = patches_[k];
       if (patch.count == 0) continue;
-      const std::size_t first = patch.first, count = patch.count;
+      Local& local = patch.local;
+      local.shared.setZero();
       Eigen::Matrix<double, kLight, kLight> information;
       for (Eigen::Index l = 0; l < kLight; ++l) {
-        const float* light = lights_[static_cast<std::size_t>(l)].data() + first;
-        for (std::size_t i = 0; i < count; ++i) weighted_[i] = weights[first + i] * light[i];
-        for (Eigen::Index a = 0; a < kUnknowns; ++a)
-          patch.local.shared(a, l) =
-              frozen(a) ? 0.0
-                        : static_cast<double>(dot(weighted_.data(), column(a) + first, count));
+        const float* light = lights_[static_cast<std::size_t>(l)].data();
+        for (std::size_t i = patch.first; i < patch.first + patch.count; ++i)
+          weighted_[i] = weights[i] * light[i];
+        kernels::column_sums(weighted_.data(), solved.columns.data(), n + kLight + 1, patch.first,
+                             patch.count, sums.data());
+        for (std::size_t a = 0; a < n; ++a)
+          local.shared(solved.which[a], l) = static_cast<double>(sums[a]);
         for (Eigen::Index m = 0; m < kLight; ++m)
-          information(l, m) = static_cast<double>(
-              dot(weighted_.data(), lights_[static_cast<std::size_t>(m)].data() + first, count));
-        patch.local.pull(l) =
-            static_cast<double>(dot(weighted_.data(), pull_from() + first, count));
+          information(l, m) = static_cast<double>(sums[n + static_cast<std::size_t>(m)]);
+        local.pull(l) = static_cast<double>(sums[n + kLight]);
       }
       const double known = scale_ * scale_ / (spread_ * spread_);
       information.diagonal().array() += known;
-      patch.local.inverse = information.inverse();
+      local.inverse = information.inverse();
       // Light of its own is expected to be none.
-      patch.local.pull(0) += known * (1.0 - patch.gain) / patch.gain;
-      own_lights_ += kLight - known * patch.local.inverse.trace();
-      normal -= patch.local.shared * patch.local.inverse * patch.local.shared.transpose();
-      pull -= patch.local.shared * patch.local.inverse * patch.local.pull;
+      local.pull(0) += known * (1.0 - patch.gain) / patch.gain;
+      own_lights_ += kLight - known * local.inverse.trace();
+      const LightRows taken = local.shared * local.inverse;
+      normal.noalias() -= taken.lazyProduct(local.shared.transpose());
+      pull -= taken * local.pull;
     }
   }
 
@@ -1057,22 +1090,6 @@ class Aligner::Impl {
               .cast<float>();
       for (std::size_t i = patch.first; i < patch.first + patch.count; ++i)
         left_[i] -= own(0) * lights_[0][i] + own(1) * lights_[1][i] + own(2) * lights_[2][i];
-    }
-  }
-
-  /// Rows without what each patch's own light could do as well.
-  void project_rows() {
-    if (spread_ == 0.0) return;
-    for (const std::size_t k : order_) {
-      const Patch& patch = patches_[k];
-      if (patch.count == 0) continue;
-      const LightRows share = patch.local.shared * patch.local.inverse;
-      for (Eigen::Index a = 0; a < kUnknowns; ++a) {
-        const Eigen::Matrix<float, kLight, 1> by = share.row(a).transpose().cast<float>();
-        float* row = column(a);
-        for (std::size_t i = patch.first; i < patch.first + patch.count; ++i)
-          row[i] -= by(0) * lights_[0][i] + by(1) * lights_[1][i] + by(2) * lights_[2][i];
-      }
     }
   }
 
@@ -1135,21 +1152,17 @@ class Aligner::Impl {
   void accumulate(const std::vector<float>& weights, Normal& normal, Row& pull) {
     normal.setZero();
     pull.setZero();
-    std::array<const float*, kUnknowns + 1> columns{pull_from()};
-    std::array<Eigen::Index, kUnknowns + 1> which{};
+    Solved solved = solved_for();
+    const std::size_t n = solved.count;
+    solved.columns[n] = pull_from();
     std::array<float, (kUnknowns + 1) * (kUnknowns + 1)> sums{};
-    std::size_t n = 1;
-    for (Eigen::Index a = 0; a < kUnknowns; ++a) {
-      if (frozen(a)) continue;
-      columns[n] = column(a);
-      which[n++] = a;
-    }
-    kernels::normal_products(weights.data(), columns.data(), n, count_, sums.data());
-    for (std::size_t a = 1; a < n; ++a) {
-      pull(which[a]) = static_cast<double>(sums[a * n]);
-      for (std::size_t b = 1; b <= a; ++b)
-        normal(which[a], which[b]) = normal(which[b], which[a]) =
-            static_cast<double>(sums[a * n + b]);
+    kernels::normal_products(weights.data(), solved.columns.data(), n + 1, count_, sums.data());
+    for (std::size_t a = 0; a < n; ++a) {
+      const Eigen::Index row = solved.which[a];
+      pull(row) = static_cast<double>(sums[n * (n + 1) + a]);
+      for (std::size_t b = 0; b <= a; ++b)
+        normal(row, solved.which[b]) = normal(solved.which[b], row) =
+            static_cast<double>(sums[a * (n + 1) + b]);
     }
     for (Eigen::Index a = 0; a < kUnknowns; ++a)
       if (frozen(a)) normal(a, a) = 1.0;
@@ -1382,35 +1395,35 @@ class Aligner::Impl {
   /// from blocks of pixels, whose parts in the pose's error are added up before they are squared. 1
   /// or more. What the model doesn't know, such as another shape of the blur, shows here.
   double correlation() {
-    project_rows();
     const std::size_t blocks = order_.size() < 32 ? 4 : 1;  // of a patch
     for (std::size_t i = 0; i < count_; ++i) weighted_[i] = weights_[i] * left_[i];
     const auto alone = static_cast<double>(dot(weighted_.data(), weighted_.data(), count_));
     const auto weight = static_cast<double>(sum_of(weights_.data(), count_));
-    std::array<const float*, kUnknowns> columns{};
-    std::array<float, kUnknowns> sums{};
-    std::size_t n = 0;
-    std::array<Eigen::Index, kUnknowns> which{};
-    for (Eigen::Index a = 0; a < kUnknowns; ++a)
-      if (!frozen(a)) {
-        which[n] = a;
-        columns[n++] = column(a);
-      }
-    // Of the unknowns that are solved for: how the pose follows what pulls on them.
-    Eigen::Matrix<double, kPose, kUnknowns> influence;
-    for (std::size_t a = 0; a < n; ++a)
-      influence.col(static_cast<Eigen::Index>(a)) = inverse_.col(which[a]).head<kPose>();
+    Solved solved = solved_for();
+    const std::size_t n = solved.count;
+    const std::size_t lights = spread_ > 0.0 ? kLight : 0;
+    for (std::size_t l = 0; l < lights; ++l) solved.columns[n + l] = lights_[l].data();
+    std::array<float, kUnknowns + kLight> sums{};
+    // How the pose follows what pulls on the unknowns.
+    const Eigen::Matrix<double, kPose, kUnknowns> influence = inverse_.topRows<kPose>();
     // Independent residuals would make this E psi^2 / E w times the inverse.
     Matrix6d together = Matrix6d::Zero();
+    Eigen::Matrix<double, kPose, kLight> own = Eigen::Matrix<double, kPose, kLight>::Zero();
     for (const std::size_t k : order_) {
       const Patch& patch = patches_[k];
+      if (patch.count == 0) continue;
+      if (lights > 0) own = influence * (patch.local.shared * patch.local.inverse);
       for (std::size_t b = 0; b < blocks; ++b) {
         const std::size_t first = patch.first + patch.count * b / blocks;
         const std::size_t last = patch.first + patch.count * (b + 1) / blocks;
-        kernels::column_sums(weighted_.data(), columns.data(), n, first, last - first, sums.data());
+        kernels::column_sums(weighted_.data(), solved.columns.data(), n + lights, first,
+                             last - first, sums.data());
         Vector6d pulled = Vector6d::Zero();
-        for (std::size_t a = 0; a < n; ++a)
-          pulled += static_cast<double>(sums[a]) * influence.col(static_cast<Eigen::Index>(a));
+        for (std::size_t u = 0; u < n; ++u)
+          pulled += static_cast<double>(sums[u]) * influence.col(solved.which[u]);
+        // Without what the patch's own light could do as well.
+        for (std::size_t l = 0; l < lights; ++l)
+          pulled -= static_cast<double>(sums[n + l]) * own.col(static_cast<Eigen::Index>(l));
         together += pulled * pulled.transpose();
       }
     }
