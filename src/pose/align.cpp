@@ -276,8 +276,9 @@ class Aligner::Impl {
     reblurred_ = 0.0;
     if (!lay_patches()) return std::nullopt;
     choose_patches(kMostPatches, kEnough);
-    if (look_for_shadow && linearise()) take_shadow();
-    return settles(0.0) ? finish() : std::nullopt;
+    if (!linearise()) return std::nullopt;
+    if (look_for_shadow) take_shadow();
+    return settles(0.0, true) ? finish() : std::nullopt;
   }
 
   /// If it `may_be_put_off`, it ends where the first step shows light to be far from even.
@@ -324,8 +325,9 @@ class Aligner::Impl {
   }
 
   /// Steps until they hardly move, with some of the patches first, with all that are wanted at
-  /// last. `moved` is by how much the first one did, pixels.
-  bool settles(double moved) {
+  /// last. `moved` is by how much the first one did, pixels; what has been `seen` needs no look at
+  /// where it stays.
+  bool settles(double moved, bool seen = false) {
     constexpr int kSteps = 8;
     constexpr double kSamePlace = 0.3;  // pixels: patches may stay where they are
     constexpr double kNearPx = 0.15;    // steps that move less call for all patches
@@ -345,8 +347,9 @@ class Aligner::Impl {
         choose_patches(finely ? kMostPatches : few, kEnough);
         finely |= order_.size() == patches_.size();
       }
-      if (stay) look_again();
-      if (!linearise()) return false;
+      if (stay && !seen) look_again();
+      if (!(stay && seen) && !linearise()) return false;
+      seen = false;
       if (state_.shaded) fit_light();
       linearise_levels();
       const std::optional<double> next = step(Weights::tukey);
