@@ -1179,44 +1179,16 @@ class Aligner::Impl {
 
   /// Of what is solved for; zero elsewhere.
   std::optional<Normal> inverse_of(const Normal& normal) const {
-    using Square = Eigen::Matrix<double, kUnknowns, kUnknowns, Eigen::RowMajor>;
     constexpr double kLeastPivot = 1e-9;  // of what is scaled to ones on the diagonal
-    std::array<Eigen::Index, kUnknowns> which{};
-    std::array<double, kUnknowns> size{};
-    std::size_t n = 0;
-    for (Eigen::Index k = 0; k < kUnknowns; ++k) {
-      if (frozen(k)) continue;
-      if (!(normal(k, k) > 0.0)) return std::nullopt;
-      which[n] = k;
-      size[n++] = 1.0 / std::sqrt(normal(k, k));
-    }
-    // Cholesky's factor L and, row by row, its inverse; times its own transpose that is the
-    // inverse.
-    Square lower, inverse_lower;
-    const auto count = static_cast<Eigen::Index>(n);
-    for (Eigen::Index i = 0; i < count; ++i) {
-      const auto at = [&](Eigen::Index k) { return static_cast<std::size_t>(k); };
-      inverse_lower.row(i).setZero();
-      for (Eigen::Index j = 0; j < i; ++j) {
-        const double scaled = size[at(i)] * size[at(j)] * normal(which[at(i)], which[at(j)]);
-        lower(i, j) =
-            (scaled - lower.row(i).head(j).dot(lower.row(j).head(j))) * inverse_lower(j, j);
-        inverse_lower.row(i).head(j + 1) -= lower(i, j) * inverse_lower.row(j).head(j + 1);
-      }
-      const double pivot = 1.0 - lower.row(i).head(i).squaredNorm();
-      if (!(pivot > kLeastPivot)) return std::nullopt;
-      inverse_lower(i, i) = 1.0 / std::sqrt(pivot);
-      inverse_lower.row(i).head(i) *= inverse_lower(i, i);
-    }
-    Square some = Square::Zero();
-    for (Eigen::Index k = 0; k < count; ++k)
-      for (Eigen::Index i = 0; i <= k; ++i)
-        some.row(i).head(i + 1) += inverse_lower(k, i) * inverse_lower.row(k).head(i + 1);
-    Normal inverse = Normal::Zero();
-    for (std::size_t i = 0; i < n; ++i)
-      for (std::size_t j = 0; j <= i; ++j)
-        inverse(which[i], which[j]) = inverse(which[j], which[i]) =
-            size[i] * size[j] * some(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
+    if (!(normal.diagonal().array() > 0.0).all()) return std::nullopt;
+    const Row size = normal.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::LLT<Normal> factored(size.asDiagonal() * normal * size.asDiagonal());
+    if (factored.info() != Eigen::Success ||
+        !(factored.matrixLLT().diagonal().minCoeff() > std::sqrt(kLeastPivot)))
+      return std::nullopt;
+    Normal inverse = size.asDiagonal() * factored.solve(Normal::Identity()) * size.asDiagonal();
+    for (Eigen::Index k = 0; k < kUnknowns; ++k)
+      if (frozen(k)) inverse.row(k).setZero(), inverse.col(k).setZero();
     if (!inverse.allFinite()) return std::nullopt;
     return inverse;
   }
