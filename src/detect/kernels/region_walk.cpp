@@ -400,8 +400,8 @@ struct Walk {
 HWY_EXPORT(walk_regions_simd);
 
 void walk_regions(const RegionMap& map, const RegionStart* starts, std::size_t count,
-                  const WalkedRows& rows, RegionWalk* walks, WalkEnd* ends) {
-  HWY_DYNAMIC_DISPATCH(walk_regions_simd)(map, starts, count, rows, walks, ends);
+                  const WalkedRows& listed, RegionWalk* walks, WalkEnd* ends) {
+  HWY_DYNAMIC_DISPATCH(walk_regions_simd)(map, starts, count, listed, walks, ends);
 }
 
 void walk_regions_scalar(const RegionMap& map, const RegionStart* starts, std::size_t count,

@@ -63,10 +63,10 @@ struct RegionWalk {
 /// down from farther above are given up. ends[i] and, unless it was given up, walks[i] tell of
 /// starts[i].
 void walk_regions(const RegionMap& map, const RegionStart* starts, std::size_t count,
-                  const WalkedRows& rows, RegionWalk* walks, WalkEnd* ends);
+                  const WalkedRows& listed, RegionWalk* walks, WalkEnd* ends);
 
 /// The same in plain C++.
 void walk_regions_scalar(const RegionMap& map, const RegionStart* starts, std::size_t count,
-                         const WalkedRows& rows, RegionWalk* walks, WalkEnd* ends);
+                         const WalkedRows& listed, RegionWalk* walks, WalkEnd* ends);
 
 }  // namespace harco::detect::kernels
