@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 
 #include "detect/kernels/region_tops.hpp"
@@ -377,7 +376,7 @@ bool ConvexRegions::may_be_convex(std::size_t walk) {
       right = right_end.x;
       if (left_end.from_above || right_end.from_above) return false;
       if (left <= 0 || right >= width - 1) return false;
-      const int tolerance = 2 + rows * step_ / 16;
+      const int tolerance = kernels::walk_tolerance(rows * step_);
       const bool left_convex = left_side.go_to(-left, tolerance);
       const bool right_convex = right_side.go_to(right, tolerance);
       if (!left_convex || !right_convex) return false;

@@ -32,9 +32,6 @@ constexpr std::size_t listed_length(std::size_t count) {
   return (count + kMostLanes - 1) / kMostLanes * kMostLanes;
 }
 
-/// How much a side may go out again.
-constexpr int walk_tolerance(int height) { return 2 + height / 16; }
-
 }  // namespace harco::detect::kernels
 #endif
 

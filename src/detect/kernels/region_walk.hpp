@@ -28,6 +28,9 @@ struct RegionStart {
 /// How far a side may move from one row to the next; whoever goes farther stays.
 constexpr int kWalkReach = 12;
 
+/// How much a side may go out again after it has come in, so many pixels below its region's top.
+constexpr int walk_tolerance(int height) { return 2 + height / 16; }
+
 /// Regions that are walked at the same time: at most, and at least; fewer stay where they are.
 constexpr std::size_t kWalkTogether = 1024;
 constexpr std::size_t kWalkFewest = 4;
